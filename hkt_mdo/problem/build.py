@@ -92,14 +92,14 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
         Whether quantities that are not designed are set to constants, or are inputs of the group.
     """
     band = setup.band(physics)
-    designed, kept = _declare_design(group, physics, setup)
+    designed, constants = _declare_design(group, physics, setup)
     designed |= _unknowns(group, physics, setup)
-    if own := designed | (kept if alone else {}):
+    if outputs := designed | (constants if alone else {}):
         design = group.add_subsystem("design", om.IndepVarComp(), promotes=["*"])
-        for name, about in own.items():
-            design.add_output(name, **about)
-    for name in kept.keys() - own.keys():
-        group.set_input_defaults(name, kept[name]["val"], units=kept[name]["units"])
+        for name, options in outputs.items():
+            design.add_output(name, **options)
+    for name in constants.keys() - outputs.keys():
+        group.set_input_defaults(name, constants[name]["val"], units=constants[name]["units"])
     _add_rotors(group, physics, setup, band)
     operation = OperationGroup(physics, setup, _references(physics, setup), band)
     group.add_subsystem("operation", operation, promotes=["*"])
@@ -112,9 +112,9 @@ def _add_rotors(group, physics, setup, band):
     tables += [f"{name}_band" for name in names if band]
     weight = physics.asks_for("weight_stress")
     outputs = ["inertia", *tables, *["weight_stress"] * weight]
-    for number, own in enumerate(physics.rotors.values()):
+    for number, model in enumerate(physics.rotors.values()):
         rotor = BladeGroup(
-            rotor=replace(own, solver=physics.case.hydrodynamics.bem),
+            rotor=replace(model, solver=physics.case.hydrodynamics.bem),
             blade=setup.start.blade,
             shape=None if number else physics.shape,
             nodes=np.asarray(setup.nodes, dtype=float),
@@ -122,15 +122,15 @@ def _add_rotors(group, physics, setup, band):
             band=band,
             weight=weight,
         )
-        own_names = [(name, numbered(name, number)) for name in outputs]
-        about = {"promotes_inputs": ["*"], "promotes_outputs": own_names if number else ["*"]}
-        group.add_subsystem(numbered("rotor", number), rotor, **about)
+        renamed = [(name, numbered(name, number)) for name in outputs]
+        promotes = {"promotes_inputs": ["*"], "promotes_outputs": renamed if number else ["*"]}
+        group.add_subsystem(numbered("rotor", number), rotor, **promotes)
 
 
 def make_driver(physics: Physics, progress=None, refined=False) -> ReportingDriver:
     """Return the driver of a problem; `refined`: from the optimum on a coarser mesh."""
     settings, law = physics.case.driver, physics.law
-    segments = sum(each.segments for each in physics.scenarios)
+    segments = sum(scenario.segments for scenario in physics.scenarios)
     refined = refined and not law.is_feedback
     skipped = {"limited_memory_max_skipping": MOST_SKIPPED} if law.is_feedback else {}
     ipopt = drivers.near_start(BARRIER / segments) | skipped
@@ -138,8 +138,8 @@ def make_driver(physics: Physics, progress=None, refined=False) -> ReportingDriv
         ipopt["sigma_max"] = LARGEST_BARRIER
     if segments > MANY_SEGMENTS:
         ipopt["limited_memory_max_history"] = LATER_STEPS if refined else FEW_STEPS
-    about = settings.package, settings.optimizer, settings.tolerance, settings.max_iterations
-    return drivers.make_driver(*about, ipopt=ipopt, progress=progress)
+    options = settings.package, settings.optimizer, settings.tolerance, settings.max_iterations
+    return drivers.make_driver(*options, ipopt=ipopt, progress=progress)
 
 
 def _references(physics, setup) -> dict[str, float]:
@@ -150,15 +150,15 @@ def _references(physics, setup) -> dict[str, float]:
     operation = setup.start.operation
     torque = float(np.max(np.abs(operation.hydrodynamic_torque)))
     _, inertia = physics.rotor.mass_and_inertia(setup.start.blade)
-    found = {"control_torque": torque, "rotor_acceleration": torque / inertia}
-    found["rotor_speed"] = float(np.mean(operation.rotor_speed))
+    refs = {"control_torque": torque, "rotor_acceleration": torque / inertia}
+    refs["rotor_speed"] = float(np.mean(operation.rotor_speed))
     if physics.remembers:
-        fastest = max(np.max(known["inflow_speed"]) for known in on_start(physics, setup.start))
+        fastest = max(np.max(start["inflow_speed"]) for start in on_start(physics, setup.start))
         tau1 = physics.case.inflow_dynamics.tau1 or setup.start.blade.rotor_radius / fastest
         for name in WAKE_STATES:
-            found[name] = WAKE_SHARE * float(fastest)
-            found[f"{name}_rate"] = found[name] / tau1
-    return found | _references_of_law(physics, setup.start)
+            refs[name] = WAKE_SHARE * float(fastest)
+            refs[f"{name}_rate"] = refs[name] / tau1
+    return refs | _references_of_law(physics, setup.start)
 
 
 def _references_of_law(physics, start) -> dict[str, float]:
@@ -168,9 +168,9 @@ def _references_of_law(physics, start) -> dict[str, float]:
     """
     if not physics.law.states:
         return {}
-    found = on_start(physics, start)
+    starts = on_start(physics, start)
     names = "rotor_speed", "inflow_speed", *physics.law.states
-    speed, flow, *states = (np.concatenate([each[name] for each in found]) for name in names)
+    speed, flow, *states = (np.concatenate([each[name] for each in starts]) for name in names)
     sizes = np.max(np.abs([speed, *states]), axis=1)
     sizes[sizes == 0.0] = 1.0  # SI unit; a state that is zero in equilibrium has no size there
     slopes = physics.law.slopes(speed, flow, start.gains, *states)[1:]
@@ -184,30 +184,30 @@ def _references_of_law(physics, start) -> dict[str, float]:
 
 def _declare_design(model, physics, setup) -> tuple[dict, dict]:
     """Declare the design variables; return them, and the quantities that are not designed."""
-    start, bounds, designed, kept = setup.start, setup.bounds(physics), {}, {}
+    start, bounds, designed, constants = setup.start, setup.bounds(physics), {}, {}
     blade, law = start.blade, physics.law
     control = physics.shape.within(blade)  # but for the last digit, they are
     refs = {"twist": TWIST_UNIT, "thickness": THICKNESS_UNIT}
-    given = [("rotor_radius", blade.rotor_radius, blade.rotor_radius)]
-    given += [(f"{name}_control", value, refs.get(name, value)) for name, value in control.items()]
+    rows = [("rotor_radius", blade.rotor_radius, blade.rotor_radius)]
+    rows += [(f"{name}_control", value, refs.get(name, value)) for name, value in control.items()]
     if physics.designs_hub:
         hub = np.clip(blade.hub_inertia, *bounds["hub_inertia"])
-        given.append(("hub_inertia", hub, physics.rotor.mass_and_inertia(blade)[1]))
-    given += zip(law.named_gains, start.gains, law.sizes(start.gains), strict=True)
-    for name, value, ref in given:
+        rows.append(("hub_inertia", hub, physics.rotor.mass_and_inertia(blade)[1]))
+    rows += zip(law.named_gains, start.gains, law.sizes(start.gains), strict=True)
+    for name, value, ref in rows:
         units, text = law.named_gains.get(name) or meta_of(name.removesuffix("_control")).values()
         if name in bounds:
             low, high = bounds[name]
             model.add_design_var(name, lower=low, upper=high, ref=ref, units=units)
         text = f"design variables: {text}" if name.endswith("_control") else text
-        about = {"val": value, "units": units, "desc": text}
-        (designed if name in bounds else kept)[name] = about
+        options = {"val": value, "units": units, "desc": text}
+        (designed if name in bounds else constants)[name] = options
     for number, rotor in enumerate(physics.rotors.values()):
-        kept[numbered("density", number)] = meta_of("density") | {"val": rotor.water_density}
+        constants[numbered("density", number)] = meta_of("density") | {"val": rotor.water_density}
     if "thickness" not in control and physics.asks_for("thickness"):
-        given = np.broadcast_to(physics.turbine.thickness, blade.r.shape)
-        kept["thickness"] = meta_of("thickness") | {"val": given}
-    return designed, kept
+        thickness = np.broadcast_to(physics.turbine.thickness, blade.r.shape)
+        constants["thickness"] = meta_of("thickness") | {"val": thickness}
+    return designed, constants
 
 
 def _unknowns(model, physics, setup) -> dict[str, dict]:
@@ -222,8 +222,8 @@ def _unknowns(model, physics, setup) -> dict[str, dict]:
     if not unknowns.size:
         return {}
     model.add_design_var("unknowns", ref=scale)
-    about = {"units": objective.function_unit, "desc": "of the aggregate"}
-    return {"unknowns": {"val": unknowns} | about}
+    meta = {"units": objective.function_unit, "desc": "of the aggregate"}
+    return {"unknowns": {"val": unknowns} | meta}
 
 
 def _objective_reference(physics, setup) -> float:
@@ -258,7 +258,7 @@ def point_of(physics: Physics, problem) -> StartingPoint:
         return CubicSpline(time, values[first])(scenario.samples)
 
     speed, torque, *states = (
-        np.concatenate([sampled(each, name) for each in physics.scenarios])
+        np.concatenate([sampled(scenario, name) for scenario in physics.scenarios])
         for name in ("rotor_speed", "hydrodynamic_torque", *physics.law.states)
     )
     gains = [problem.get_val(name)[0] for name in physics.law.named_gains]

@@ -18,12 +18,12 @@ class LoadComp(CurveComp):
 
     factors = "inflow_speed", "density"
 
-    def formula(self, inflow_speed, density, **given):
+    def formula(self, inflow_speed, density, **inputs):
         pressure = 0.5 * density * inflow_speed**2
-        return {name: pressure * each for name, each in super().formula(**given).items()}
+        return {name: pressure * load for name, load in super().formula(**inputs).items()}
 
-    def basis(self, inflow_speed, density, **given):
-        return 0.5 * density * inflow_speed[:, None] ** 2 * super().basis(**given)
+    def basis(self, inflow_speed, density, **inputs):
+        return 0.5 * density * inflow_speed[:, None] ** 2 * super().basis(**inputs)
 
 
 class LinearComp(om.ExplicitComponent):
@@ -33,20 +33,20 @@ class LinearComp(om.ExplicitComponent):
     collocated state would be the same numbers. The sum needs no unknowns: the optimizer cannot
     trade energy against defects.
 
-    Inputs by their names in `matrices`[n_rows, num_nodes], each [num_nodes] in the unit `given`;
+    Inputs by their names in `matrices`[n_rows, num_nodes], each [num_nodes] in the unit `units`;
     output `result`[n_rows], of which `meta` has units and description.
     """
 
-    def __init__(self, matrices, given, result, meta):
+    def __init__(self, matrices, units, result, meta):
         super().__init__()
         self._matrices = {name: csr_array(matrix) for name, matrix in matrices.items()}
-        self._given, self._result, self._meta = given, result, meta
+        self._units, self._result, self._meta = units, result, meta
 
     def setup(self):
         (n_rows, _), *_ = (matrix.shape for matrix in self._matrices.values())
         self.add_output(self._result, shape=n_rows, **self._meta)
         for name, matrix in self._matrices.items():
-            self.add_input(name, shape=matrix.shape[1], units=self._given)
+            self.add_input(name, shape=matrix.shape[1], units=self._units)
             rows, cols = matrix.tocoo().coords
             self.declare_partials("*", name, rows=rows, cols=cols, val=matrix.data)
 
@@ -67,10 +67,10 @@ class FormulaComp(om.ExplicitComponent):
 
     def setup(self):
         formula, size = self._formula, self._size
-        own = formula.series | formula.named_numbers
+        described = formula.series | formula.named_numbers
         for name in formula.inputs:
-            if name in own:
-                units, text = own[name]
+            if name in described:
+                units, text = described[name]
                 shape = size if name in formula.series else 1
                 self.add_input(name, shape=shape, units=units, desc=text)
             else:  # along the span, or of a curve, the shape is the source's
@@ -92,9 +92,9 @@ class FormulaComp(om.ExplicitComponent):
         outputs["value"] = self._formula.function(**self._quantities(inputs))
 
     def compute_partials(self, inputs, partials):
-        known = self._quantities(inputs)
-        for name in known:
-            partials["value", name] = self._formula.partial(name, known)
+        quantities = self._quantities(inputs)
+        for name in quantities:
+            partials["value", name] = self._formula.partial(name, quantities)
 
 
 class AggregateComp(om.ExplicitComponent):
@@ -136,25 +136,25 @@ class AggregateComp(om.ExplicitComponent):
     def _values(self, mean_rate, unknowns=_NONE, hub_inertia=0.0):
         """Return the outputs of mean rates, unknowns and an inertia that has a price."""
         value = self._aggregate.value(mean_rate, self._shares, unknowns)
-        found = {"objective": self._duration * np.atleast_1d(value) - self._price * hub_inertia}
+        outputs = {"objective": self._duration * np.atleast_1d(value) - self._price * hub_inertia}
         rows = np.atleast_1d(self._aggregate.rows(mean_rate, self._shares, unknowns))
-        return found | ({"rows": rows} if rows.size else {})
+        return outputs | ({"rows": rows} if rows.size else {})
 
-    def _moved(self, given, name, step):
+    def _moved(self, inputs, name, step):
         """Return the outputs as columns, one with a step of each element of an input."""
         with any_values():
-            found = [
-                self._values(**given | {name: given[name] + each})
-                for each in np.diag(np.full(given[name].size, step))
+            moved = [
+                self._values(**inputs | {name: inputs[name] + move})
+                for move in np.diag(np.full(inputs[name].size, step))
             ]
-        return {output: np.stack([each[output] for each in found], axis=1) for output in found[0]}
+        return {output: np.stack([row[output] for row in moved], axis=1) for output in moved[0]}
 
     def compute(self, inputs, outputs):
         for name, value in self._values(**dict(inputs.items())).items():
             outputs[name] = value
 
     def compute_partials(self, inputs, partials):
-        given = dict(inputs.items())
-        for name in given:
-            for output, moved in self._moved(given, name, 1j * STEP).items():
+        values = dict(inputs.items())
+        for name in values:
+            for output, moved in self._moved(values, name, 1j * STEP).items():
                 partials[output, name] = np.imag(moved[self._places[output, name]]) / STEP

@@ -17,7 +17,7 @@ from hkt_mdo.rotor.shape import Shape
 from hkt_mdo.sections import leaves
 
 PER_CENT = 99.0, 101.0  # sum of weights in per cent
-TOLD = 1e-6  # relative excess above rounding
+LEAST_EXCESS = 1e-6  # relative excess above rounding
 # of power, thrust, and a shaft's or a blade's moment of a usual rotor, and its stress over the
 # dynamic pressure; a share of what it then has in the mean flow, below which a limit is a mistake
 USUAL, LEAST_SHARE = {"W": 0.4, "N": 0.8, "N*m": 0.05, "Pa": 1e4}, 0.01
@@ -44,28 +44,28 @@ def refuse_contradictions(case: Case, shape: Shape, mean: float, fastest: float)
         blade = shape.blade
         over = taper.on(blade).excess({"chord": blade.chord})
         worst = int(np.argmax(over))
-        if over[worst] > TOLD:
-            place = blade.r[worst] / blade.tip_radius
-            problem = f"is broken by the fixed blade, whose chord grows towards r/R = {place:.3g}"
+        if over[worst] > LEAST_EXCESS:
+            ratio = blade.r[worst] / blade.tip_radius
+            problem = f"is broken by the fixed blade, whose chord grows towards r/R = {ratio:.3g}"
             remedy = "give design.blade: optimized, a place outboard of that, or another blade"
             raise InputError(problem, remedy, key="limits.taper_from", value=taper.bound)
 
 
 def _refuse_next_to_zero(case: Case, shape: Shape, mean: float) -> None:
     """Refuse a limit of power, load or torque that is next to nothing of a usual rotor's."""
-    about = case.fluid.density, shape.radii[0], mean
-    power = float(power_scale(*about))
-    scales = {"W": power, "N": power / mean, "N*m": float(torque_scale(*about))}
-    scales["Pa"] = 0.5 * case.fluid.density * mean**2
+    density, radius = case.fluid.density, shape.radii[0]
+    power = float(power_scale(density, radius, mean))
+    scales = {"W": power, "N": power / mean, "N*m": float(torque_scale(density, radius, mean))}
+    scales["Pa"] = 0.5 * density * mean**2
     sections = [("", case), *((f"scenarios[{i}].", x) for i, x in enumerate(case.scenarios))]
-    given = [
+    limits = [
         (f"{of}limits.{x.name}", x.upper, x.unit)
         for of, y in sections
         for x in y.limits.given
         if x.unit != "Pa" or isinstance(x, StressLimit)
     ]
-    given.append(("control.torque_limit", case.control.torque_limit or np.inf, "N*m"))
-    for key, bound, unit in given:
+    limits.append(("control.torque_limit", case.control.torque_limit or np.inf, "N*m"))
+    for key, bound, unit in limits:
         most = USUAL.get(unit, 1.0) * scales.get(unit, -np.inf)
         if not isinstance(bound, str) and np.max(bound) < LEAST_SHARE * most:  # not `allowable`
             plain = unit.replace("*", " ")
@@ -113,8 +113,8 @@ def implausible(values: Mapping[str, float]) -> Iterator[str]:
     for (key, value), name in once.items():
         for pattern, least, most, unit, hint in PLAUSIBLE:
             if fnmatchcase(key, pattern) and not least <= value <= most:
-                told = f"{name} = {value:.4g} {unit}".rstrip()
-                yield f"{told} is outside of the plausible range, {least:g} to {most:g}: {hint}"
+                text = f"{name} = {value:.4g} {unit}".rstrip()
+                yield f"{text} is outside of the plausible range, {least:g} to {most:g}: {hint}"
 
 
 def doubts(case: Case, derived: Mapping[str, float]) -> Iterator[str]:
@@ -132,17 +132,17 @@ def doubts(case: Case, derived: Mapping[str, float]) -> Iterator[str]:
     str
         A warning.
     """
-    given = [*leaves(case.model_copy(update={"inflow": None}))]
+    entries = [*leaves(case.model_copy(update={"inflow": None}))]
     if not case.scenarios or case.inflow != case.scenarios[0].inflow:  # else it is not given
-        given += leaves(case.inflow, "resource" if case.inflow.steady else "inflow")
-    numbers = {key: value for key, value, _ in given if isinstance(value, int | float)}
+        entries += leaves(case.inflow, "resource" if case.inflow.steady else "inflow")
+    numbers = {key: value for key, value, _ in entries if isinstance(value, int | float)}
     yield from implausible(numbers | derived)
-    weights = [each.weight for each in case.scenarios if each.weight]
+    weights = [scenario.weight for scenario in case.scenarios if scenario.weight]
     low, high = PER_CENT
     mixed = min(weights, default=1.0) < 1.0 < max(weights, default=1.0)
     if mixed and low <= sum(100.0 * x if x < 1.0 else x for x in weights) <= high:
-        told = ", ".join(f"{each:g}" for each in weights)
-        yield f"weights of the scenarios = {told} are shares and per cent: give all in one unit"
+        text = ", ".join(f"{weight:g}" for weight in weights)
+        yield f"weights of the scenarios = {text} are shares and per cent: give all in one unit"
     rated = any(limit.is_of(RATES) for limit in case.all_limits)
     if rated and case.control.chooses_torque and case.design.blade == "optimized":
         yield (

@@ -70,17 +70,17 @@ class SteadyScenario(Scenario):
         """Return the scenario without the speeds above the cut-out speed, m/s."""
         if cut_out is None or self.speeds[-1] <= cut_out:
             return self
-        found = self.bins.between(0.0, cut_out)
-        if np.sum(found.share) < 3.0 * AT_END:
+        bins = self.bins.between(0.0, cut_out)
+        if np.sum(bins.share) < 3.0 * AT_END:
             if (cut_in := getattr(self.resource, "cut_in", 0.0)) >= cut_out:
-                problem, place = f"reaches control.cut_out = {cut_out:g} m/s", "resource.cut_in"
-                raise InputError(problem, "give a smaller one", key=place, value=cut_in)
+                problem, key = f"reaches control.cut_out = {cut_out:g} m/s", "resource.cut_in"
+                raise InputError(problem, "give a smaller one", key=key, value=cut_in)
             slowest = np.min(self.bins.speed[self.bins.share > AT_END])
             problem = f"leaves no time of operation: the flow has at least {slowest:.4g} m/s"
-            place = {"key": "control.cut_out", "value": cut_out}
-            raise InputError(problem, "give a larger one, or null for none", **place)
-        found = found.with_ends(found.speed[0], cut_out)
-        return replace(self, inflow=found.curve(self.mesh.duration), bins=found)
+            remedy, key = "give a larger one, or null for none", "control.cut_out"
+            raise InputError(problem, remedy, key=key, value=cut_out)
+        bins = bins.with_ends(bins.speed[0], cut_out)
+        return replace(self, inflow=bins.curve(self.mesh.duration), bins=bins)
 
     def when(self, time):
         return f"a flow of {float(self.inflow.speed_at(np.array(time))):.4g} m/s"
@@ -147,8 +147,8 @@ def _without_time(whole: Scenario) -> Speeds:
     if isinstance(whole.inflow, ConstantInflow):
         speed, share, finer = finer[0][:1], np.ones(1), None
     dense = whole.inflow.speed_at(whole.dense)
-    found = Speeds(speed, share, np.arange(speed.size), speed, share, finer=finer)
-    return found.with_ends(max(float(np.min(dense)), SLOWEST), float(np.max(dense)))
+    speeds = Speeds(speed, share, np.arange(speed.size), speed, share, finer=finer)
+    return speeds.with_ends(max(float(np.min(dense)), SLOWEST), float(np.max(dense)))
 
 
 def equilibrium_group(scenario, law, ode_options, refs, bounds, start) -> om.Group:
@@ -175,8 +175,8 @@ def equilibrium_group(scenario, law, ode_options, refs, bounds, start) -> om.Gro
         unknowns.add_output(name, start[name], units=unit)
         group.add_design_var(name, ref=refs[name], units=unit)
         group.add_constraint(f"{name}_rate", equals=0.0, ref=refs[f"{name}_rate"])
-    about = {"num_nodes": scenario.segments, "law": law, "inflow": scenario.inflow}
-    group.add_subsystem("ode", RotorODE(**about, **ode_options), promotes=["*"])
+    options = {"num_nodes": scenario.segments, "law": law, "inflow": scenario.inflow}
+    group.add_subsystem("ode", RotorODE(**options, **ode_options), promotes=["*"])
     # as rows of their own, beside the unknowns: else the search of `river25` takes twice as long
     described = {x: (QUANTITIES[x].unit, QUANTITIES[x].text) for x in TRAJECTORY} | law.states
     same = om.ExecComp(shape=(scenario.segments,), has_diag_partials=True)

@@ -27,7 +27,7 @@ RATIOS = 1001  # tip speed ratios at which loads are computed at most
 
 def split(physics: Physics, operation: Operation) -> list[np.ndarray]:
     """Return speed, hydrodynamic torque and states of an operation, (n, n_times) a scenario."""
-    ends = np.cumsum([each.samples.size for each in physics.scenarios])[:-1]
+    ends = np.cumsum([scenario.samples.size for scenario in physics.scenarios])[:-1]
     rows = np.stack((operation.rotor_speed, operation.hydrodynamic_torque, *operation.states))
     return np.split(rows, ends, axis=1)
 
@@ -40,7 +40,7 @@ def on_start(physics: Physics, point: StartingPoint) -> list[dict[str, Any]]:
     that limits and objectives may take. The generator torque is that of a static law, else it
     balances the flow's.
     """
-    found, blade, generator = [], point.blade, physics.case.generator
+    starts, blade, generator = [], point.blade, physics.case.generator
     pairs = zip(physics.scenarios, split(physics, point.operation), strict=True)
     for scenario, (speed, torque, *states) in pairs:
         rotor, radius = physics.rotor_in(scenario), blade.rotor_radius
@@ -50,18 +50,18 @@ def on_start(physics: Physics, point: StartingPoint) -> list[dict[str, Any]]:
         held = torque - generator.friction(speed)
         if physics.law.is_static:  # a rotor may be in motion, and not in equilibrium
             held = physics.law_in(scenario).torque(speed, point.gains)
-        known = trajectory_of(time, flow, speed, torque, held, radius, generator)
-        known |= loads_along(rotor, blade, known, physics.load_names)
+        quantities = trajectory_of(time, flow, speed, torque, held, radius, generator)
+        quantities |= loads_along(rotor, blade, quantities, physics.load_names)
         rate = 0.0 * held if scenario.steady else np.gradient(held, time)
-        known |= {"torque_rate": rate, "steady": scenario.steady}
-        known |= scalars(physics, rotor, blade)
-        found.append(known | dict(zip(physics.law.states, states, strict=True)))
+        quantities |= {"torque_rate": rate, "steady": scenario.steady}
+        quantities |= scalars(physics, rotor, blade)
+        starts.append(quantities | dict(zip(physics.law.states, states, strict=True)))
     weights = [scenario.weight for scenario in physics.scenarios]
     integrals = {
-        name: float(np.dot(weights, _integrals(physics, found, integrand)))
+        name: float(np.dot(weights, _integrals(physics, starts, integrand)))
         for name, integrand in INTEGRALS.items()
     }
-    return [known | integrals for known in found]
+    return [quantities | integrals for quantities in starts]
 
 
 def in_motion(physics: Physics, point: StartingPoint) -> StartingPoint:
@@ -76,11 +76,11 @@ def in_motion(physics: Physics, point: StartingPoint) -> StartingPoint:
     if not physics.law.chooses_speed:
         return point
     rows = []
-    for known in on_start(physics, point):
-        schedule, driving = known["rotor_speed"], known["hydrodynamic_torque"]
-        held, speed = np.maximum(known["control_torque"], 0.0), schedule.copy()
+    for start in on_start(physics, point):
+        schedule, driving = start["rotor_speed"], start["hydrodynamic_torque"]
+        held, speed = np.maximum(start["control_torque"], 0.0), schedule.copy()
         most = np.minimum(np.max(held), np.max(held * schedule) / schedule)
-        steps = [] if known["steady"] else known["inertia"] / np.diff(known["time"])
+        steps = [] if start["steady"] else start["inertia"] / np.diff(start["time"])
         for i, per_change in enumerate(steps, 1):
             torque = held[i] - per_change * (schedule[i] - speed[i - 1])
             beyond = torque - min(max(torque, 0.0), most[i])
@@ -102,34 +102,34 @@ def torque_of(rotor: RotorModel, blade: Blade, speed: np.ndarray, flow: np.ndarr
 
 
 def loads_along(
-    rotor: RotorModel, blade: Blade, known: dict, names: tuple[str, ...], reach: float = np.inf
+    rotor: RotorModel, blade: Blade, series: dict, names: tuple[str, ...], reach: float = np.inf
 ) -> dict:
     """Return the largest loads along a blade at each time of a trajectory, SI units.
 
     By direct BEM at the trajectory's tip speed ratios, or at `RATIOS` of them if there are more,
-    between which they are linear. known has the quantities of the trajectory, and the `sections`
+    between which they are linear. series has the quantities of the trajectory, and the `sections`
     where the wake is not in equilibrium: the flow at each time. Beyond the radius `reach` (m) no
     load counts.
     """
-    ratio, flow = np.maximum(known["tip_speed_ratio"], SLOWEST_RATIO), known["inflow_speed"]
+    ratio, flow = np.maximum(series["tip_speed_ratio"], SLOWEST_RATIO), series["inflow_speed"]
     if not names:
         return {}
 
     def largest(rotor, ratio, sections=None):
-        found = rotor.loads(blade, ratio, names=names, flow=sections)
-        return {k: x._replace(exact=x.exact[:, x.r <= reach]).largest for k, x in found.items()}
+        loads = rotor.loads(blade, ratio, names=names, flow=sections)
+        return {k: x._replace(exact=x.exact[:, x.r <= reach]).largest for k, x in loads.items()}
 
     parts = np.array_split(np.arange(ratio.size), -(-ratio.size // RATIOS))
-    if "sections" in known:
-        found = largest(rotor, ratio, known["sections"])
+    if "sections" in series:
+        loads = largest(rotor, ratio, series["sections"])
     elif len(parts) == 1 or rotor.polar.follows_reynolds:  # the flow counts too
-        each = [largest(rotor.at_flow(flow[part]), ratio[part]) for part in parts]
-        found = {name: np.concatenate([part[name] for part in each]) for name in names}
+        pieces = [largest(rotor.at_flow(flow[part]), ratio[part]) for part in parts]
+        loads = {name: np.concatenate([part[name] for part in pieces]) for name in names}
     else:
         at = np.linspace(ratio.min(), ratio.max(), RATIOS)
-        found = {name: np.interp(ratio, at, x) for name, x in largest(rotor, at).items()}
+        loads = {name: np.interp(ratio, at, x) for name, x in largest(rotor, at).items()}
     pressure = 0.5 * rotor.water_density * flow**2
-    return {name: pressure * each for name, each in found.items()}
+    return {name: pressure * load for name, load in loads.items()}
 
 
 def scalars(physics: Physics, rotor: RotorModel, blade: Blade) -> dict[str, Any]:
@@ -179,7 +179,7 @@ def _means(physics, integrals) -> tuple[np.ndarray, np.ndarray]:
 def _integrals(physics, starts, objective) -> list[float]:
     """Return the integrals of an objective's rate over each scenario, of `on_start`."""
     pairs = zip(physics.scenarios, starts, strict=True)
-    return [each.sample_weights @ objective.rate_of(known) for each, known in pairs]
+    return [scenario.sample_weights @ objective.rate_of(start) for scenario, start in pairs]
 
 
 def epigraph(physics: Physics, point: StartingPoint) -> tuple[np.ndarray, int]:
@@ -204,17 +204,17 @@ def excesses(physics: Physics, point: StartingPoint) -> dict[str, tuple[float, f
     By name: the relative excess, at most 0 if it is kept, and the flow's speed (m/s) there; None
     for a limit on the design alone.
     """
-    found: dict[str, tuple[float, float | None]] = {}
+    largest: dict[str, tuple[float, float | None]] = {}
     for scenario, start in zip(physics.scenarios, on_start(physics, point), strict=True):
         flow = start["inflow_speed"]
         for limit in (*scenario.limits, *physics.design_limits):
             if not isinstance(limit, DesignBounds):
                 over = limit.excess(start)
                 worst = int(np.argmax(over))
-                if limit.name not in found or over[worst] > found[limit.name][0]:
+                if limit.name not in largest or over[worst] > largest[limit.name][0]:
                     there = float(flow[worst]) if over.size == flow.size else None
-                    found[limit.name] = float(over[worst]), there
-    return found
+                    largest[limit.name] = float(over[worst]), there
+    return largest
 
 
 def broken_limits(physics: Physics, point: StartingPoint) -> list[str]:

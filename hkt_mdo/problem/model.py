@@ -71,19 +71,19 @@ class Physics:
     @cached_property
     def sampled_flow(self) -> tuple[np.ndarray, np.ndarray]:
         """Speeds (m/s) of all scenarios' flows at their samples, and weights (s), (n_times,)."""
-        speed = np.concatenate([each.speeds for each in self.scenarios])
-        weights = [each.weight * each.sample_weights for each in self.scenarios]
+        speed = np.concatenate([scenario.speeds for scenario in self.scenarios])
+        weights = [scenario.weight * scenario.sample_weights for scenario in self.scenarios]
         return speed, np.concatenate(weights)
 
     @cached_property
     def all_limits(self) -> tuple[Limit, ...]:
         """The limits of the design, and those over time of all scenarios, each once."""
-        over_time = (limit for each in self.scenarios for limit in each.limits)
+        over_time = (limit for scenario in self.scenarios for limit in scenario.limits)
         return *dict.fromkeys(over_time), *self.design_limits
 
     def asks_for(self, name: str) -> bool:
         """Tell whether the objective or a limit takes a quantity."""
-        return any(name in each.inputs for each in (*self.all_limits, self.objective))
+        return any(name in formula.inputs for formula in (*self.all_limits, self.objective))
 
     @property
     def load_names(self) -> tuple[str, ...]:
@@ -94,8 +94,8 @@ class Physics:
     def groups(self) -> dict[str, list[int]]:
         """Places of the scenarios of each scenario of the case, by name: several are intervals."""
         groups: dict[str, list[int]] = {}
-        for place, scenario in enumerate(self.scenarios):
-            groups.setdefault(scenario.group, []).append(place)
+        for index, scenario in enumerate(self.scenarios):
+            groups.setdefault(scenario.group, []).append(index)
         return groups
 
     @cached_property
@@ -112,8 +112,8 @@ class Physics:
         """
         if not self.ceilings:
             return np.ones(len(self.shares))
-        own = np.array([self.ceilings[name] for name in self.shares])
-        return float(np.array(list(self.shares.values())) @ own) / own
+        ceilings = np.array([self.ceilings[name] for name in self.shares])
+        return float(np.array(list(self.shares.values())) @ ceilings) / ceilings
 
     @property
     def losses_count(self) -> bool:

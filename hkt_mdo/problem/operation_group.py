@@ -75,13 +75,13 @@ class OperationGroup(om.Group):
             for limit in limits:
                 if limit.constrains(physics.law):
                     self._hold(limit, number)
-        known = on_start(physics, setup.start)[0]
+        quantities = on_start(physics, setup.start)[0]
         for limit in physics.design_limits:
             if limit.constrains(physics.law):
                 name = constraint_of(physics, limit)
                 bounds = {"lower": limit.lower, "upper": limit.upper}
                 self.add_constraint(name, **bounds, ref=limit.bounds_size or 1.0, units=limit.unit)
-                self._add_formula(name, limit, np.arange(np.size(limit.value_of(known))))
+                self._add_formula(name, limit, np.arange(np.size(limit.value_of(quantities))))
 
     def _hold(self, limit, number):
         """Hold a limit over time in the number-th scenario."""
@@ -132,13 +132,13 @@ class OperationGroup(om.Group):
         physics, start = self._physics, self._start.start
         scenario = physics.scenarios[number]
         table = physics.rotor_in(scenario).coefficients(start.blade, limit.spline.nodes)
-        known = on_start(physics, start)[number] | {"torque_coefficient_table": table.torque}
-        known |= zip(limit.named_numbers, start.gains, strict=True)
-        unit = torque_scale(known["density"], known["rotor_radius"], known["inflow_speed"])
-        margin = limit.value_of(known) / (TYPICAL * unit) + LEAST
+        inputs = on_start(physics, start)[number] | {"torque_coefficient_table": table.torque}
+        inputs |= zip(limit.named_numbers, start.gains, strict=True)
+        unit = torque_scale(inputs["density"], inputs["rotor_radius"], inputs["inflow_speed"])
+        margin = limit.value_of(inputs) / (TYPICAL * unit) + LEAST
         margin, still = (
-            np.interp(scenario.node_times, scenario.samples, each)
-            for each in (margin, settled(known))
+            np.interp(scenario.node_times, scenario.samples, values)
+            for values in (margin, settled(inputs))
         )
         places = np.flatnonzero(still == 1.0)  # the first node is one
         nearest = np.sort(margin[places])[: FEWEST_NEAR + 1]
@@ -149,28 +149,28 @@ class OperationGroup(om.Group):
         physics, setup = self._physics, self._start
         trajectory, inputs, designed = dm.Trajectory(), [], setup.bounds(physics)
         operation = split(physics, setup.start.operation)
-        for each, (speed, torque, *states) in zip(physics.scenarios, operation, strict=True):
+        for scenario, (speed, torque, *states) in zip(physics.scenarios, operation, strict=True):
             bounds = dict(designed)
-            hydrodynamics, parameters = self._hydrodynamics(each)
+            hydrodynamics, parameters = self._hydrodynamics(scenario)
             generator = physics.case.generator
             options = {"hydrodynamics": hydrodynamics, "generator": generator}
             torque = torque - generator.friction(speed)
-            begin = {"time": each.samples, "rotor_speed": speed, "control_torque": torque}
+            begin = {"time": scenario.samples, "rotor_speed": speed, "control_torque": torque}
             begin |= zip(physics.law.states, states, strict=True)
-            about = each, physics.law_in(each), options, self._refs, bounds, begin
-            promoted = [(name, physics.named(name, each)) for name in parameters]
-            if each.steady:
-                group = equilibrium_group(*about)
-                self.add_subsystem(f"steady_{each.name}", group, promotes_inputs=promoted)
+            arguments = scenario, physics.law_in(scenario), options, self._refs, bounds, begin
+            promoted = [(name, physics.named(name, scenario)) for name in parameters]
+            if scenario.steady:
+                group = equilibrium_group(*arguments)
+                self.add_subsystem(f"steady_{scenario.name}", group, promotes_inputs=promoted)
                 continue
             if self._band:
-                begin |= self._wake_at_start(each, speed)
+                begin |= self._wake_at_start(scenario, speed)
                 ends = {name: (np.min(begin[name]), np.max(begin[name])) for name in WAKE_STATES}
                 bounds |= {name: np.multiply(WAKE_MOVES, x) for name, x in ends.items()}
             if physics.may_pulse:
-                self._hold_wake(each, begin["wake_factor"])
-            add_phase(trajectory, parameters, *about)
-            inputs += [(f"{each.name}.parameters:{name}", own) for name, own in promoted]
+                self._hold_wake(scenario, begin["wake_factor"])
+            add_phase(trajectory, parameters, *arguments)
+            inputs += [(f"{scenario.name}.parameters:{name}", source) for name, source in promoted]
         if inputs:
             self.add_subsystem("traj", trajectory)
             self.promotes("traj", inputs=inputs)
@@ -203,7 +203,7 @@ class OperationGroup(om.Group):
             name = f"loads_{scenario.name}"
             component = LoadComp(scenario.node_times.size, names, curves)
             fed = "density", *component.tables.values()
-            inputs = [(each, physics.named(each, scenario)) for each in fed]
+            inputs = [(quantity, physics.named(quantity, scenario)) for quantity in fed]
             self.add_subsystem(name, component, promotes_inputs=inputs)
             for quantity in (*component.ratios, "inflow_speed"):
                 self.connect(scenario.source(quantity), f"{name}.{quantity}")
@@ -218,10 +218,10 @@ class OperationGroup(om.Group):
         time, flow = scenario.samples, scenario.speeds
         ratio = speed * blade.rotor_radius / flow
         tables = band.solve(physics.rotor_in(scenario), blade, ["torque_coefficient"])
-        table, place = (tables[f"{name}_induction_table"].values for name in ("wake", "place"))
+        table, at_place = (tables[f"{name}_induction_table"].values for name in ("wake", "place"))
         steady = flow * band.spline.curve(table)(ratio)
         tau1 = physics.case.inflow_dynamics.tau1
-        induction = band.spline.curve(place)(ratio)
+        induction = band.spline.curve(at_place)(ratio)
         slow = np.broadcast_to(slow_time(tau1, induction, blade.rotor_radius, flow), time.shape)
         reduced = _followed(time, (1.0 - AT_ONCE) * steady, slow)
         induced = _followed(time, reduced + AT_ONCE * steady, band.share * slow)
@@ -240,16 +240,16 @@ class OperationGroup(om.Group):
         """
         nodes = scenario.distinct_nodes
         factor = np.interp(scenario.node_times[nodes], scenario.samples, factor)
-        about = {"lower": factor - PULSE, "upper": factor + PULSE, "ref": PULSE}
+        bounds = {"lower": factor - PULSE, "upper": factor + PULSE, "ref": PULSE}
         name = scenario.source("wake_factor")
-        self.add_constraint(name, indices=nodes, flat_indices=True, **about)
+        self.add_constraint(name, indices=nodes, flat_indices=True, **bounds)
 
     def _add_rates(self):
         """Add the rate of the generator torque, if it is asked for, at the nodes of every phase."""
         asked, rate = any(map(self._physics.asks_for, RATES)), "torque_rate"
-        for each in self._physics.scenarios if asked else ():
-            about = "control_torque", each.differentiation, rate, meta_of(rate)
-            self._add_linear(f"rates_{each.name}", each, *about)
+        for scenario in self._physics.scenarios if asked else ():
+            name, matrix = f"rates_{scenario.name}", scenario.differentiation
+            self._add_linear(name, scenario, "control_torque", matrix, rate, meta_of(rate))
 
     def _close_cycle(self, scenario):
         """Hold a scenario's final rotor speed to the initial one."""
@@ -260,8 +260,8 @@ class OperationGroup(om.Group):
 
     def _add_linear(self, name, scenario, quantity, matrix, result, meta):
         """Add a matrix times a quantity at the nodes of a scenario; `meta` is of the result."""
-        given = meta_of(quantity)["units"]
-        self.add_subsystem(name, LinearComp({quantity: matrix}, given, result, meta))
+        units = meta_of(quantity)["units"]
+        self.add_subsystem(name, LinearComp({quantity: matrix}, units, result, meta))
         self.connect(scenario.source(quantity), f"{name}.{quantity}")
 
     def _add_formula(self, name, formula, nodes, scenario=None):
@@ -270,13 +270,13 @@ class OperationGroup(om.Group):
         `name` may have the ending of its output.
         """
         name = name.removesuffix(".value")
-        inputs = [each for each in formula.inputs if each not in formula.series]
+        inputs = [quantity for quantity in formula.inputs if quantity not in formula.series]
         if scenario:
-            inputs = [(each, self._physics.named(each, scenario)) for each in inputs]
+            inputs = [(quantity, self._physics.named(quantity, scenario)) for quantity in inputs]
         self.add_subsystem(name, FormulaComp(formula, nodes.size), promotes_inputs=inputs)
-        for each in formula.series:
+        for quantity in formula.series:
             at = {"src_indices": nodes, "flat_src_indices": True}
-            self.connect(scenario.source(each), f"{name}.{each}", **at)
+            self.connect(scenario.source(quantity), f"{name}.{quantity}", **at)
 
     def _add_integral(self, name, integrand, weights, result, meta):
         """Add sums over all scenarios of an objective's rate times weights, (n_rows, n_nodes)."""
@@ -351,8 +351,8 @@ def _followed(time, goal, constant):
     """
     step = np.diff(time) / (0.5 * (constant[1:] + constant[:-1]))
     decay, rate = np.exp(-step), np.diff(goal) / step
-    found = np.array(goal)
+    response = np.array(goal)
     for i in range(step.size):
-        off = found[i] - goal[i] + rate[i]
-        found[i + 1] = goal[i + 1] - rate[i] + off * decay[i]
-    return found
+        off = response[i] - goal[i] + rate[i]
+        response[i + 1] = goal[i + 1] - rate[i] + off * decay[i]
+    return response

@@ -56,18 +56,18 @@ def complete(case: Case) -> Case:
     if final == "auto":
         rates = any(limit.is_of(RATES) for limit in case.all_limits)
         final = "free" if rates or case.control.is_feedback else "initial"
-    found = {"duration": duration, "segments": segments, "final_speed": final}
+    fields = {"duration": duration, "segments": segments, "final_speed": final}
     scenarios = []
-    for number, own in enumerate(case.scenarios):
-        part = case.of_scenario(own.name)
+    for number, scenario in enumerate(case.scenarios):
+        part = case.of_scenario(scenario.name)
         try:
             duration, segments = _span(part)
             part.inflow.check(duration)
         except InputError as error:
             error.key = f"scenarios[{number}].{error.key.removeprefix('phase.')}".rstrip(".")
             raise
-        scenarios.append(own.model_copy(update={"duration": duration, "segments": segments}))
-    update = {"phase": phase.model_copy(update=found), "scenarios": tuple(scenarios)}
+        scenarios.append(scenario.model_copy(update={"duration": duration, "segments": segments}))
+    update = {"phase": phase.model_copy(update=fields), "scenarios": tuple(scenarios)}
     return case.model_copy(update=update)
 
 
@@ -97,15 +97,16 @@ def _whole_scenarios(case: Case) -> list[Scenario]:
     """Return the scenarios of a complete case, each over its whole time span."""
     if not case.scenarios:
         return _scenarios(case)
-    found, total = [], sum(each.weight for each in case.scenarios)
-    for own in case.scenarios:
-        about = {"name": own.name, "turbine": (own.density, own.condition, own.limits.cavitation)}
-        about["weight"] = own.weight / total * case.phase.duration / own.duration
-        found += _scenarios(case.of_scenario(own.name), steady=own.steady, **about)
-    return found
+    scenarios, total = [], sum(entry.weight for entry in case.scenarios)
+    for entry in case.scenarios:
+        turbine = entry.density, entry.condition, entry.limits.cavitation
+        weight = entry.weight / total * case.phase.duration / entry.duration
+        options = {"name": entry.name, "turbine": turbine, "weight": weight}
+        scenarios += _scenarios(case.of_scenario(entry.name), steady=entry.steady, **options)
+    return scenarios
 
 
-def _scenarios(case: Case, *, steady=False, **about) -> list[Scenario]:
+def _scenarios(case: Case, *, steady=False, **options) -> list[Scenario]:
     """Return the scenario of a case of one flow, on a mesh that resolves it.
 
     Without time where it is steady or of a resource; two if its rotor turns backwards in reversed
@@ -117,15 +118,15 @@ def _scenarios(case: Case, *, steady=False, **about) -> list[Scenario]:
         problem = "has no torque over time in a steady scenario"
         raise InputError(problem, "give control.unknown: speed", key="control.unknown")
     if not steady:
-        return [Scenario(inflow, mesh, **about).resolved()]
-    found = [SteadyScenario.of(inflow, mesh, **about)]
+        return [Scenario(inflow, mesh, **options).resolved()]
+    scenarios = [SteadyScenario.of(inflow, mesh, **options)]
     if getattr(inflow, "reversed_speeds", None) is not None:
         condition = case.condition.model_copy(update={"polar": inflow.reversed_polar})
-        about |= {"name": f"{found[0].name}_backwards", "interval_of": found[0].name}
-        density, _, cavitation = found[0].turbine
-        about |= {"turbine": (density, condition, cavitation), "backwards": True}
-        found.append(SteadyScenario.of(inflow, mesh, **about))
-    return [each.below(case.control.cut_out) for each in found]
+        options |= {"name": f"{scenarios[0].name}_backwards", "interval_of": scenarios[0].name}
+        density, _, cavitation = scenarios[0].turbine
+        options |= {"turbine": (density, condition, cavitation), "backwards": True}
+        scenarios.append(SteadyScenario.of(inflow, mesh, **options))
+    return [scenario.below(case.control.cut_out) for scenario in scenarios]
 
 
 def physics(case: Case) -> Physics:
@@ -133,8 +134,8 @@ def physics(case: Case) -> Physics:
     case = complete(case)
     control = case.control.applied(case.condition.torque_constant)
     whole = _whole_scenarios(case)
-    speed = np.concatenate([each.speeds for each in whole])
-    weights = np.concatenate([each.weight * each.sample_weights for each in whole])
+    speed = np.concatenate([scenario.speeds for scenario in whole])
+    weights = np.concatenate([scenario.weight * scenario.sample_weights for scenario in whole])
     mean = float(weights @ speed / np.sum(weights))
     speed = np.minimum(speed, control.cut_out or np.inf)
     slowest, fastest = float(np.min(speed)), float(np.max(speed))
@@ -146,21 +147,21 @@ def physics(case: Case) -> Physics:
     case = _with_chord_bounds(case, turbine.blade)
     shape = _shape(case, turbine)
     scenarios, notes = [], []
-    for each in whole:
-        found, messages = in_operation(each, control.cut_out, 2.0 * turbine.blade.rotor_radius)
-        scenarios += found
+    for scenario in whole:
+        parts, messages = in_operation(scenario, control.cut_out, 2.0 * turbine.blade.rotor_radius)
+        scenarios += parts
         notes += messages
-    names = [each.name for each in scenarios]
+    names = [scenario.name for scenario in scenarios]
     for name in names:
         if names.count(name) > 1:
             problem = "is the name of a scenario and of a part of another one"
             raise InputError(problem, "give the scenario another", key="scenarios", value=name)
-    if any(each.steady for each in whole):
+    if any(scenario.steady for scenario in whole):
         text = "has no effect in a steady scenario: without time the torque has no rate"
         notes += [f"{limit.key} {text}" for limit in case.all_limits if limit.is_of(RATES)]
     refuse_slow(scenarios, control)
     refuse_contradictions(case, shape, mean, fastest)
-    flows = {message: None for each in whole for message in each.messages}
+    flows = {message: None for scenario in whole for message in scenario.messages}
     messages = (*turbine.messages, *flows, *dict.fromkeys(notes), *redundant_limits(case, shape))
     limit = control.torque_limit
     most = MOST_TORQUE * float(torque_scale(case.fluid.density, shape.radii[1], fastest))
@@ -168,14 +169,14 @@ def physics(case: Case) -> Physics:
         text = f"control.torque_limit = {limit:g} N m is out of reach of any blade in this flow"
         messages += (f"{text}, at most {most:.3g} N m: it counts as none",)
         control = control.model_copy(update={"torque_limit": None})
-    groups = dict.fromkeys(each.group for each in scenarios)
+    groups = dict.fromkeys(scenario.group for scenario in scenarios)
     limits = {x: _limits_over_time(case.of_scenario(x), shape, control) for x in groups}
     made = Physics(
         case,
         shape,
         _rotors(case, turbine, shape, scenarios),
         turbine,
-        tuple(replace(each, limits=limits[each.group]) for each in scenarios),
+        tuple(replace(scenario, limits=limits[scenario.group]) for scenario in scenarios),
         control,
         _design_limits(case, shape),
         case.objective,
@@ -202,25 +203,25 @@ def _ceilings(physics: Physics) -> dict[str, float]:
     That of a rotor at the steady optimum of the case's own radius at every instant, or of the
     generator's limit where that is smaller.
     """
-    found, radius = dict.fromkeys(physics.shares, 0.0), physics.blade.rotor_radius
+    ceilings, radius = dict.fromkeys(physics.shares, 0.0), physics.blade.rotor_radius
     best = {
         key: rotor.best_of_shape(physics.shape, physics.blade).power_coefficient
         * float(power_scale(rotor.water_density, radius, 1.0))
         for key, rotor in physics.rotors.items()
     }
-    for each in physics.scenarios:
-        most = [x.upper for x in each.limits if isinstance(x, PowerLimit)]
-        flow = each.inflow.speed_at(each.node_times)
-        power = np.minimum(best[each.turbine] * flow**3, min(most, default=np.inf))
-        found[each.group] += float(each.node_weights @ power) / each.mesh.duration
-    return found
+    for scenario in physics.scenarios:
+        most = [x.upper for x in scenario.limits if isinstance(x, PowerLimit)]
+        flow = scenario.inflow.speed_at(scenario.node_times)
+        power = np.minimum(best[scenario.turbine] * flow**3, min(most, default=np.inf))
+        ceilings[scenario.group] += float(scenario.node_weights @ power) / scenario.mesh.duration
+    return ceilings
 
 
 def _rotors(
     case: Case, turbine: Turbine, shape: Shape, scenarios: Iterable[Scenario]
 ) -> dict[tuple, RotorModel]:
     """Return the rotor in the water and the condition of a case and of each of its scenarios."""
-    keys = dict.fromkeys((OWN, *(each.turbine for each in scenarios)))
+    keys = dict.fromkeys((OWN, *(scenario.turbine for scenario in scenarios)))
     return {key: _rotor_model(case.of_turbine(*key), turbine, shape) for key in keys}
 
 
@@ -251,7 +252,7 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     if depth is not None and depth <= (tip := shape.radii[1]):
         problem = f"is within the blade's radius of {tip:.4g} m: the tip would leave the water"
         raise InputError(problem, "give a larger depth of the hub", key=key, value=depth)
-    computable = not polar.follows_reynolds and all(each.suction is not None for each in polars)
+    computable = not polar.follows_reynolds and all(table.suction is not None for table in polars)
     return RotorModel(
         polar=polar,
         hub_inertia=case.rotor.hub_inertia,
@@ -280,10 +281,10 @@ def _derived(turbine: Turbine, whole: list[Scenario]) -> dict[str, float]:
     """Return quantities that follow from a case and its files, by their names in `PLAUSIBLE`."""
     name = "mean flow speed"
     flows = {f"{name} of {x.name}" if len(whole) > 1 else name: x.mean_flow for x in whole}
-    own = [(x.area or 0.0, *(x.moments or (0.0, 0.0))[:2]) for x in turbine.sections]
+    actual = [(x.area or 0.0, *(x.moments or (0.0, 0.0))[:2]) for x in turbine.sections]
     filled = [(x.outline.area, *x.outline.second_moments[:2]) for x in turbine.sections]
     names = "area of a section", "flapwise second moment", "edgewise second moment"
-    flows.update(zip(names, np.max(np.divide(own, filled), axis=0), strict=True))
+    flows.update(zip(names, np.max(np.divide(actual, filled), axis=0), strict=True))
     return flows | {
         "tip radius": turbine.blade.tip_radius,
         "outermost station or row": turbine.reach,
@@ -349,9 +350,9 @@ def _limits_over_time(case: Case, shape: Shape, law) -> tuple[Limit, ...]:
 
     A generator whose table ends at a speed has a limit of the speed there.
     """
-    given = {limit.name: limit for limit in _limits(case, shape) if limit.place == "time"}
-    speed, end = given.get("rotor_speed"), case.generator.fastest
+    limits = {limit.name: limit for limit in _limits(case, shape) if limit.place == "time"}
+    speed, end = limits.get("rotor_speed"), case.generator.fastest
     if end < (np.inf if speed is None else speed.upper):
-        given["rotor_speed"] = TableEnd(bound=end)
+        limits["rotor_speed"] = TableEnd(bound=end)
     torque = TorqueLimit(bound=law.applied(case.condition.torque_constant).largest_torque)
-    return torque, ForwardRotation(), *given.values()
+    return torque, ForwardRotation(), *limits.values()

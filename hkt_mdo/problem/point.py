@@ -134,6 +134,6 @@ def records(
 
     They are found by their objectives.
     """
-    sides = {each.objective: each.branch for each in branches}
-    first = next((each for each in tried if each.objective == kept.objective), None)
+    sides = {point.objective: point.branch for point in branches}
+    first = next((record for record in tried if record.objective == kept.objective), None)
     return tuple(replace(x, kept=x is first, side=sides.pop(x.objective, "")) for x in tried)

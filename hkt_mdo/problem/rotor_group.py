@@ -7,7 +7,7 @@ import openmdao.api as om
 
 from hkt_mdo.case import Case
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.physics import physics
+from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.quantities import meta_of
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.components import BladeGroup, refuse_values
@@ -79,28 +79,28 @@ class RotorGroup(om.Group):
         declare("blade", default=None, types=Blade, allow_none=True, recordable=False)
 
     def setup(self):
-        world, given = physics(self.options["case"]), self.options["given"]
-        if world.rotor.polar.follows_reynolds:
+        physics, operand = make_physics(self.options["case"]), self.options["given"]
+        if physics.rotor.polar.follows_reynolds:
             problem = "uses polars at local Reynolds numbers, for which loads have no derivatives"
             raise InputError(problem, "give invariant", key="rotor.reynolds", value="local")
-        blade, points = self.options["blade"] or world.blade, (self.options["num_points"],)
-        flow = np.full(points, world.scenarios[0].mean_flow)
-        ratio = np.full(points, world.rotor.best_operation(blade).tip_speed_ratio)
+        blade, points = self.options["blade"] or physics.blade, (self.options["num_points"],)
+        flow = np.full(points, physics.scenarios[0].mean_flow)
+        ratio = np.full(points, physics.rotor.best_operation(blade).tip_speed_ratio)
         start = {
             "tip_speed_ratio": ratio,
             "rotor_speed": ratio * flow / blade.rotor_radius,
             "inflow_speed": flow,
             "rotor_radius": blade.rotor_radius,
-            "density": world.density,
+            "density": physics.density,
         }
-        for name in {given, "inflow_speed", "rotor_radius", "density"}:
+        for name in {operand, "inflow_speed", "rotor_radius", "density"}:
             self.set_input_defaults(name, start[name], units=meta_of(name)["units"])
-        (found,) = _POINTS.keys() - {given}
-        points = _formulas({found: _POINTS[found]}, start)
+        (derived,) = _POINTS.keys() - {operand}
+        points = _formulas({derived: _POINTS[derived]}, start)
         self.add_subsystem("operating_points", points, promotes=["*"])
-        loads, shape = world.rotor.load_names, world.shape
-        about = {"nodes": ratio, "names": ["torque_coefficient", *loads], "vary": True}
-        blades = BladeGroup(rotor=world.rotor, blade=blade, shape=shape, **about)
+        loads, shape = physics.rotor.load_names, physics.shape
+        options = {"nodes": ratio, "names": ["torque_coefficient", *loads], "vary": True}
+        blades = BladeGroup(rotor=physics.rotor, blade=blade, shape=shape, **options)
         outputs = [*shape.offsets, "mass", "inertia", *(f"{name}_table" for name in loads)]
         outputs += [("torque_coefficient_table", "torque_coefficient")]
         self.add_subsystem("blades", blades, promotes_inputs=["*"], promotes_outputs=outputs)

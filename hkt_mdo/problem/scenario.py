@@ -132,8 +132,8 @@ class Scenario:
         """Errors of the mesh's quadrature of v³ in every segment, over the whole integral."""
         exact = self.inflow.cubes(self.edges)
         cubes = self.node_weights * self.inflow.speed_at(self.node_times) ** 3
-        found = cubes.reshape(self.segments, -1).sum(axis=1)
-        return np.abs(found - exact) / np.sum(exact)
+        integrals = cubes.reshape(self.segments, -1).sum(axis=1)
+        return np.abs(integrals - exact) / np.sum(exact)
 
     @cached_property
     def flow_missed(self) -> np.ndarray:
@@ -246,9 +246,9 @@ class Scenario:
 
 def too_large(errors: np.ndarray, most: float) -> np.ndarray:
     """Return which errors are to be made smaller: the sum of the others is at most `most`."""
-    found, order = np.zeros(errors.size, dtype=bool), np.argsort(errors)
-    found[order] = np.cumsum(errors[order]) > most
-    return found
+    large, order = np.zeros(errors.size, dtype=bool), np.argsort(errors)
+    large[order] = np.cumsum(errors[order]) > most
+    return large
 
 
 def _sparse(matrices):
@@ -258,12 +258,12 @@ def _sparse(matrices):
     the segments and reaches gigabytes for an hour.
     """
 
-    def found(given, wanted, sparse=False):
-        with patch.object(grid_data, "block_diag", lambda *each: block_diag(each, format="csr")):
-            made = matrices(given, wanted, sparse=True)
-        return made if sparse else tuple(each.toarray() for each in made)
+    def sparse_method(source, target, sparse=False):
+        with patch.object(grid_data, "block_diag", lambda *parts: block_diag(parts, format="csr")):
+            made = matrices(source, target, sparse=True)
+        return made if sparse else tuple(matrix.toarray() for matrix in made)
 
-    return found
+    return sparse_method
 
 
 def _zeros(shape, **options):
@@ -291,10 +291,10 @@ class _Lean:
         super().initialize()
         self.options.declare("start", types=dict, recordable=False)
 
-    def _begin(self, phase, known):
+    def _begin(self, phase, variables):
         """Give states or controls, by name with Dymos' options, their initial values."""
         start = self.options["start"]
-        for name, options in known.items():
+        for name, options in variables.items():
             options["val"] = phase.interp(name, xs=start["time"], ys=start[name], kind="cubic")
 
     def init_grid(self):
@@ -442,25 +442,25 @@ def in_operation(
     if np.sum(lengths) == total:
         return (whole,), (f"control.cut_out = {cut_out:g} m/s has no effect: no flow is faster",)
     shortest = max(segment, diameter / cut_out)
-    kept = lengths >= shortest
-    count, longest = int(np.sum(kept)), float(np.max(lengths, initial=0.0))
-    place = {"key": "control.cut_out", "value": cut_out}
+    long = lengths >= shortest
+    count, longest = int(np.sum(long)), float(np.max(lengths, initial=0.0))
+    entry = {"key": "control.cut_out", "value": cut_out}
     if not count:
         slowest = float(np.min(whole.speeds))
         problem = f"leaves no time for operation: the flow has at least {slowest:.4g} m/s, and is "
         problem += f"slower than this for {longest:.3g} s at a time, at most, while the rotor "
         problem += f"needs {shortest:.3g} s"
-        raise InputError(problem, "give a larger one, or null for none", **place)
+        raise InputError(problem, "give a larger one, or null for none", **entry)
     if count > MOST_INTERVALS:
         problem = f"divides the operation into {count} intervals, and {MOST_INTERVALS} are the most"
         remedy = "give another one, a lower cutoff of the flow or a shorter phase.duration"
-        raise InputError(problem, remedy, **place)
+        raise InputError(problem, remedy, **entry)
     prefix = "" if whole.name == "phase" else f"{whole.name}_"
-    still = total - float(np.sum(lengths[kept]))
+    still = total - float(np.sum(lengths[long]))
     text = (
         f"control.cut_out = {cut_out:g} m/s: standstill for {still:.4g} s of {total:.6g} s "
         f"({100.0 * still / total:.3g} %), intervals of operation: {count}; "
-        f"{kept.size - count} more, of {np.sum(lengths[~kept]):.3g} s together, are shorter than "
+        f"{long.size - count} more, of {np.sum(lengths[~long]):.3g} s together, are shorter than "
         f"the {shortest:.3g} s that the rotor needs"
     )
     scenarios = (
@@ -470,6 +470,6 @@ def in_operation(
             interval_of=whole.name,
             edges=np.linspace(begin, end, max(int(np.ceil((end - begin) / segment - 1e-9)), 2) + 1),
         )
-        for number, (begin, end) in enumerate(spans[kept], start=1)
+        for number, (begin, end) in enumerate(spans[long], start=1)
     )
-    return tuple(each.resolved() for each in scenarios), (text,)
+    return tuple(scenario.resolved() for scenario in scenarios), (text,)

@@ -58,30 +58,30 @@ class Setup:
         start, shape = self.start, physics.shape
         slower, faster, by_radius, by_gain = NEAR if self.near else FAR
         speed, radius = start.operation.rotor_speed, start.blade.rotor_radius
-        found = {f"{name}_control": ends for name, ends in shape.bounds.items()}
-        found["rotor_speed"] = slower * np.min(speed), faster * np.max(speed)
-        found["control_torque"] = 0.0, physics.law.torque_limit
+        bounds = {f"{name}_control": ends for name, ends in shape.bounds.items()}
+        bounds["rotor_speed"] = slower * np.min(speed), faster * np.max(speed)
+        bounds["control_torque"] = 0.0, physics.law.torque_limit
         if shape.radius_bounds is not None:
             ends = radius / by_radius, radius * by_radius
-            found["rotor_radius"] = np.clip(ends, *shape.radius_bounds)
+            bounds["rotor_radius"] = np.clip(ends, *shape.radius_bounds)
         if physics.designs_hub:
             low, high = physics.case.design.hub_inertia_bounds
-            found["hub_inertia"] = max(low, self.least_hub), high
+            bounds["hub_inertia"] = max(low, self.least_hub), high
         gains = physics.bounded(physics.law.moves(start.gains, by_gain))
         for i, (low, high) in enumerate(np.sort(gains, axis=0).T):
             if low < high:
-                found[f"gain_{i}"] = low, high
-        return found
+                bounds[f"gain_{i}"] = low, high
+        return bounds
 
     def stops(self, physics: Physics, end: StartingPoint) -> bool:
         """Tell whether an optimization ended as far from its start as it may go."""
         values = dict(zip(physics.law.named_gains, end.gains, strict=True))
         values |= {"rotor_speed": end.operation.rotor_speed, "rotor_radius": end.blade.rotor_radius}
-        own, free = self.bounds(physics), replace(self, near=False).bounds(physics)
+        bounds, free = self.bounds(physics), replace(self, near=False).bounds(physics)
         return any(
             np.any(np.abs(values[name] / move - 1.0) < AT_END)
-            for name in values.keys() & own.keys()
-            for move, bound in zip(own[name], free[name], strict=True)
+            for name in values.keys() & bounds.keys()
+            for move, bound in zip(bounds[name], free[name], strict=True)
             if move != bound
         )
 
@@ -93,7 +93,7 @@ class Setup:
         if not physics.remembers:
             return None
         blade = self.start.blade
-        ratios = [known["tip_speed_ratio"] for known in on_start(physics, self.start)]
+        ratios = [start["tip_speed_ratio"] for start in on_start(physics, self.start)]
         mean = float(np.mean(np.concatenate(ratios)))
         return Band.of(physics.rotor.polar, blade, mean, self.nodes)
 

@@ -78,13 +78,13 @@ class Turbine(NamedTuple):
         ndarray of shape (n_radii, ...)
             Values at the radii; those of the first and last station beyond them.
         """
-        blade, structure, each = self.blade, self.structure, np.array(values)
+        blade, structure, values = self.blade, self.structure, np.array(values)
         if isinstance(structure, StructureByThickness) and blade.thickness is not None:
             thickness = np.interp(r, blade.r, blade.thickness)
-            return over_thickness(structure.thickness, each)(thickness)
-        if len(each) == 1:
-            return np.repeat(each, r.size, axis=0)
-        return make_interp_spline(blade.r, each, k=1)(np.clip(r, blade.r[0], blade.r[-1]))
+            return over_thickness(structure.thickness, values)(thickness)
+        if len(values) == 1:
+            return np.repeat(values, r.size, axis=0)
+        return make_interp_spline(blade.r, values, k=1)(np.clip(r, blade.r[0], blade.r[-1]))
 
 
 class _Section(NamedTuple):
@@ -155,21 +155,21 @@ def build_turbine(
         sections, blended, blends = _sections(rotor, table, named)
         areas = [x.area or material_section(x.outline, x.wall)[0] for x in sections]
         sections = [x._replace(area=y) for x, y in zip(sections, areas, strict=True)]
-        thickness = np.array([each.thickness for each in sections])
-        families = [each.polars for each in sections]
+        thickness = np.array([section.thickness for section in sections])
+        families = [section.polars for section in sections]
         if rotor.reynolds == "local":
             polar = LocalReynolds.of(families, flow_speed, fluid.kinematic_viscosity)
         else:
-            polars = {each: _invariant(each, rotor.reynolds_number) for each in families}
+            polars = {family: _invariant(family, rotor.reynolds_number) for family in families}
             polar, *others = polars.values()
             if others:
-                polar = ByStation.of(polars[each] for each in families)
+                polar = ByStation.of(polars[family] for family in families)
         structure = _structure(rotor, sections)
-    outlines = tuple(each.outline for each in sections)
-    walls = tuple(0.5 if each.wall is None else each.wall for each in sections)
-    about = polar, thickness, structure, (*read, *messages, *notes, *chosen, *blended)
-    known = tuple(named.values()), rotor.reynolds_number, table.doubts, reach
-    return Turbine(blade, *about, outlines, walls, blends, *known)
+    outlines = tuple(section.outline for section in sections)
+    walls = tuple(0.5 if section.wall is None else section.wall for section in sections)
+    messages = (*read, *messages, *notes, *chosen, *blended)
+    origin = tuple(named.values()), rotor.reynolds_number, table.doubts, reach
+    return Turbine(blade, polar, thickness, structure, messages, outlines, walls, blends, *origin)
 
 
 def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
@@ -181,8 +181,8 @@ def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
         table = BladeTable(*rows, tip_radius=radius)
     else:
         table = read_blade(rotor.blade)
-        own = shipped_rotor(rotor.blade).get("radius", table.tip_radius)
-        table = replace(table, tip_radius=own)
+        tip_radius = shipped_rotor(rotor.blade).get("radius", table.tip_radius)
+        table = replace(table, tip_radius=tip_radius)
     if table.hub_radius == 0.0:  # its span begins at the root
         if fraction is None:
             problem = "measures its span from the root and does not contain the hub's radius"
@@ -196,15 +196,15 @@ def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
         hub = span * fraction / (1.0 - fraction)
         table = replace(table, r=table.r + hub, tip_radius=hub + span, hub_radius=hub)
     if fraction is None:
-        known = table.hub_radius is not None and table.tip_radius is not None
-        fraction = table.hub_radius / table.tip_radius if known else HUB
+        has_radii = table.hub_radius is not None and table.tip_radius is not None
+        fraction = table.hub_radius / table.tip_radius if has_radii else HUB
     radius = _radius(rotor, table.tip_radius)
     return table.scaled(radius), radius, fraction * radius
 
 
-def _radius(rotor: Rotor, own: float | None) -> float:
+def _radius(rotor: Rotor, file_radius: float | None) -> float:
     """Return the tip radius of the case, or else that of the blade's file."""
-    radius = own if rotor.radius is None else rotor.radius
+    radius = file_radius if rotor.radius is None else rotor.radius
     if radius is None:
         problem, remedy = "does not contain the tip radius", "give rotor.radius"
         raise InputError(problem, remedy, file=rotor.blade, key="tip radius")
@@ -215,19 +215,19 @@ def _stations(rotor, table, tip_radius, hub_radius) -> tuple[np.ndarray, tuple[s
     """Return the radii of the stations, m, and messages about them."""
     low, high, hub = np.array([table.r[0], table.r[-1], hub_radius]) / tip_radius
     if rotor.stations is None and rotor.station_count is None:
-        own = table.interior(hub_radius)
-        if own.size < 3:
-            problem = f"has {own.size} rows between hub (r/R = {hub:.4g}) and tip"
+        rows = table.interior(hub_radius)
+        if rows.size < 3:
+            problem = f"has {rows.size} rows between hub (r/R = {hub:.4g}) and tip"
             remedy = "give rotor.station_count, such as 10, or at least 3 rows there"
             raise InputError(problem, remedy, file=rotor.blade)
-        text = f"{table.r.size - own.size} of {table.r.size} rows lie at hub or tip, where there is"
-        left_out = own.size < table.r.size
+        left_out = table.r.size - rows.size
+        text = f"{left_out} of {table.r.size} rows lie at hub or tip, where there is"
         notes = [f"{text} no load; the other rows are the stations"] if left_out else []
         if low > hub + OUTBOARD:
             text = f"rows begin at r/R = {low:.4g}, the hub ends at {hub:.4g}: the load falls"
             text += " to zero between them"
             notes.append(f"{text}; with rotor.station_count the first row is continued to the hub")
-        return own, tuple(notes)
+        return rows, tuple(notes)
     if rotor.station_count is not None:  # in place of stations, which may be given as well
         angle = np.pi * (np.arange(rotor.station_count) + 0.5) / rotor.station_count
         fraction = hub + (1.0 - hub) * 0.5 * (1.0 - np.cos(angle))
@@ -252,8 +252,8 @@ def _at_stations(table: BladeTable, r: np.ndarray) -> BladeTable:
     section = None
     if table.section is not None or table.section_position is not None:
         section = table.blend(np.clip(r, table.r[0], table.r[-1]))
-    given = {name: getattr(table, name) for name in ("chord", "twist", "thickness")}
-    columns = {n: np.interp(r, table.r, each) for n, each in given.items() if each is not None}
+    fields = {name: getattr(table, name) for name in ("chord", "twist", "thickness")}
+    columns = {n: np.interp(r, table.r, each) for n, each in fields.items() if each is not None}
     return replace(table, r=r, section=section, section_position=None, **columns)
 
 
@@ -268,9 +268,9 @@ def _sections(rotor, table, named) -> tuple[list[_Section], tuple[str, ...], tup
     pairs, messages = _pairs(rotor, table, named)
     mixed = [_mixed(named[inner], named[outer], share) for inner, outer, share in pairs]
     blends = ((named[a].called, named[b].called, share) for a, b, share in pairs)
-    own, told = np.array([each.thickness for each in mixed]), table.thickness
-    if table.section and told is not None and np.max(np.abs(own - told)) > OTHER:
-        spans = (f"{100.0 * np.min(x):.3g} to {100.0 * np.max(x):.3g} %" for x in (told, own))
+    actual, stated = np.array([section.thickness for section in mixed]), table.thickness
+    if table.section and stated is not None and np.max(np.abs(actual - stated)) > OTHER:
+        spans = (f"{100.0 * np.min(x):.3g} to {100.0 * np.max(x):.3g} %" for x in (stated, actual))
         note = "thickness is {} in the blade's file, but {} of the sections it names, which counts"
         messages = (*messages, note.format(*spans))
     return mixed, messages, tuple(blends)
@@ -286,8 +286,8 @@ def _of_thickness(rotor, thickness, section) -> tuple[list[_Section], tuple[str,
         return [section], ()
     entry, outline = next(iter(rotor.sections), None), section.outline
     sections = [
-        _section(rotor, section.polars, outline.stretched(each / outline.thickness), each, entry)
-        for each in np.asarray(thickness).tolist()
+        _section(rotor, section.polars, outline.stretched(value / outline.thickness), value, entry)
+        for value in np.asarray(thickness).tolist()
     ]
     span = f"{100.0 * np.min(thickness):.3g} to {100.0 * np.max(thickness):.3g} %"
     note = f"the one outline is stretched to the thickness of the blade's file, {span}; its polar "
@@ -304,15 +304,15 @@ def _by_thickness(rotor, design, sections):
         problem = "is designed, which local Reynolds numbers do not allow"
         remedy = "give rotor.reynolds: invariant, or leave out design.thickness_points"
         raise InputError(problem, remedy, key="design.thickness_points")
-    thickness = np.array([each.thickness for each in sections])
+    thickness = np.array([section.thickness for section in sections])
     low, high = float(thickness[0]), float(thickness[-1])
     bounds = design.thickness_bounds or (low, high)
     if bounds[0] < low - ROUNDED or bounds[1] > high + ROUNDED:
         problem = f"reach beyond the sections, whose thickness is {low:.4g} to {high:.4g}"
         remedy = "narrow the bounds, or give rotor.sections that are thinner or thicker"
         raise InputError(problem, remedy, key="design.thickness_bounds", value=list(bounds))
-    bounds = tuple(float(each) for each in np.clip(bounds, low, high))
-    polars = [_invariant(each.polars, rotor.reynolds_number) for each in sections]
+    bounds = tuple(float(end) for end in np.clip(bounds, low, high))
+    polars = [_invariant(section.polars, rotor.reynolds_number) for section in sections]
     return ByThickness.of(thickness, polars, bounds), _structure(rotor, sections, thickness)
 
 
@@ -321,9 +321,9 @@ def _starting_thickness(rotor, table, named) -> np.ndarray:
     if table.thickness is not None:
         return table.thickness
     if table.section is None:
-        given = [each.thickness for each in named.values()]
-        return np.full(table.r.size, 0.5 * (min(given) + max(given)))
-    return np.array([each.thickness for each in _sections(rotor, table, named)[0]])
+        thickness = [section.thickness for section in named.values()]
+        return np.full(table.r.size, 0.5 * (min(thickness) + max(thickness)))
+    return np.array([section.thickness for section in _sections(rotor, table, named)[0]])
 
 
 def _structure(rotor, sections, thickness=None) -> Structure | StructureByThickness:
@@ -332,14 +332,14 @@ def _structure(rotor, sections, thickness=None) -> Structure | StructureByThickn
     The area over chord squared is linear between stations; where it is None, it follows from
     outline and wall.
     """
-    material, walls, given = rotor.blade_material, None, None
+    material, walls, properties = rotor.blade_material, None, None
     if sections[0].wall is not None:
-        walls = [each.wall for each in sections]
+        walls = [section.wall for section in sections]
     if sections[0].area is not None:
-        given = [(each.area, *(each.moments or ())) for each in sections]
-    outlines = [each.outline for each in sections]
-    about = outlines, material.density, material.modulus, walls, given
-    return Structure.of(*about) if thickness is None else StructureByThickness.of(thickness, *about)
+        properties = [(section.area, *(section.moments or ())) for section in sections]
+    outlines = [section.outline for section in sections]
+    parts = outlines, material.density, material.modulus, walls, properties
+    return Structure.of(*parts) if thickness is None else StructureByThickness.of(thickness, *parts)
 
 
 def _with_reynolds(rotor, named) -> tuple[Rotor, tuple[str, ...]]:
@@ -347,18 +347,18 @@ def _with_reynolds(rotor, named) -> tuple[Rotor, tuple[str, ...]]:
 
     One that the case gives must not lie beyond the polars.
     """
-    numbers = np.unique(np.concatenate([each.polars.reynolds for each in named.values()]))
+    numbers = np.unique(np.concatenate([section.polars.reynolds for section in named.values()]))
     numbers = numbers[np.isfinite(numbers)]
-    given = rotor.reynolds_number
-    if given and numbers.size > 1 and not numbers[0] / BEYOND <= given <= numbers[-1] * BEYOND:
+    chosen = rotor.reynolds_number
+    if chosen and numbers.size > 1 and not numbers[0] / BEYOND <= chosen <= numbers[-1] * BEYOND:
         problem = f"is beyond the polars, {numbers[0]:.3g} to {numbers[-1]:.3g}"
-        raise InputError(problem, "give polars there", key="rotor.reynolds_number", value=given)
-    if given and all(len(each.polars.polars) == 1 for each in named.values()):
-        text = f"rotor.reynolds_number = {given:g} chooses no polar: each section has one"
-        number = None if numbers.size else given  # of polars that do not say theirs
+        raise InputError(problem, "give polars there", key="rotor.reynolds_number", value=chosen)
+    if chosen and all(len(section.polars.polars) == 1 for section in named.values()):
+        text = f"rotor.reynolds_number = {chosen:g} chooses no polar: each section has one"
+        number = None if numbers.size else chosen  # of polars that do not say theirs
         return rotor.model_copy(update={"reynolds_number": number}), (text,)
-    own = not rotor.sections and rotor.polar is None
-    if not own or rotor.reynolds_number or rotor.reynolds == "local" or numbers.size < 2:
+    from_file = not rotor.sections and rotor.polar is None
+    if not from_file or rotor.reynolds_number or rotor.reynolds == "local" or numbers.size < 2:
         return rotor, ()
     number = float(np.sqrt(numbers[0] * numbers[-1]))
     span = f"{numbers[0]:.3g} to {numbers[-1]:.3g}"
@@ -380,20 +380,20 @@ def _named_sections(rotor, table) -> tuple[dict[str, _Section], tuple[str, ...]]
         parts = from_file(entry.polar), outline, entry.thickness, entry, *names
         named[entry.name or str(number + 1)] = parts
     if not named and rotor.polar is None:
-        for each in table.sections:
-            outline = Outline(*each.outline) if each.outline else None
+        for section in table.sections:
+            outline = Outline(*section.outline) if section.outline else None
             shape = rotor.blade if outline else rotor.outline or ""
-            parts = PolarFamily.from_tables(each.polars), outline, each.thickness, None
-            named[each.name] = *parts, each.name, shape, each.name
-        several = sorted({name for pair in table.section or () for name in pair[:2]})
-        if not named and several:
-            problem = f"names the sections {', '.join(several[:8])}, which nothing describes"
+            parts = PolarFamily.from_tables(section.polars), outline, section.thickness, None
+            named[section.name] = *parts, section.name, shape, section.name
+        missing = sorted({name for pair in table.section or () for name in pair[:2]})
+        if not named and missing:
+            problem = f"names the sections {', '.join(missing[:8])}, which nothing describes"
             remedy = "give rotor.sections, one for each, or rotor.polar for all of them"
             raise InputError(problem, remedy, file=rotor.blade)
     polar, shape = rotor.polar or POLAR, rotor.outline or ("" if rotor.polar else OUTLINE)
     named = named or {"": (from_file(polar), None, None, None, polar, shape, Path(polar).stem)}
     sections = [_section(rotor, *parts) for parts in named.values()]
-    notes = [note for each in sections for note in each.polars.messages]
+    notes = [note for section in sections for note in section.polars.messages]
     other = f"{Path(rotor.outline or OUTLINE).stem}, stretched to the thickness"
     if "" in named and rotor.polar is None:
         notes.append(f"no rotor.polar is given: lift and drag are assumed to be those of {POLAR}")
@@ -403,9 +403,9 @@ def _named_sections(rotor, table) -> tuple[dict[str, _Section], tuple[str, ...]]
         if outline is None and (name or rotor.outline is None)
     ]
     notes += [
-        f"{each.outline}: outline from the coordinates that it names or holds (NumCoords)"
-        for each in (*rotor.sections, rotor)
-        if each.outline and each.outline == each.polar and Path(each.outline).is_file()
+        f"{entry.outline}: outline from the coordinates that it names or holds (NumCoords)"
+        for entry in (*rotor.sections, rotor)
+        if entry.outline and entry.outline == entry.polar and Path(entry.outline).is_file()
     ]
     notes += [
         f"{each.shape or OUTLINE}: its camber is against the lift of {each.name}: check y's sign"
@@ -420,13 +420,13 @@ def _section(rotor, polars, outline, thickness, entry, *names) -> _Section:
 
     One without an outline has the rotor's, stretched to its thickness.
     """
-    own = outline or Outline.from_file(rotor.outline or OUTLINE)
-    thickness = own.thickness if thickness is None else thickness
+    contour = outline or Outline.from_file(rotor.outline or OUTLINE)
+    thickness = contour.thickness if thickness is None else thickness
     if outline is None:
-        own = own.stretched(thickness / own.thickness)
+        contour = contour.stretched(thickness / contour.thickness)
     wall, area, by = (getattr(entry, name, None) for name in ("wall", "area", "second_moments"))
     moments = by and (by.flapwise, by.edgewise, by.product)
-    return _Section(polars, thickness, area, own, wall or rotor.wall, moments, *names)
+    return _Section(polars, thickness, area, contour, wall or rotor.wall, moments, *names)
 
 
 def _alike(sections) -> list[_Section]:
@@ -438,12 +438,12 @@ def _alike(sections) -> list[_Section]:
     hollow, given = any(each.wall for each in sections), any(each.moments for each in sections)
     walls = [min(x.wall or 0.5, 0.5 * x.outline.thickness) if hollow else None for x in sections]
     linear = given or len(set(walls)) == 1 or any(each.area for each in sections)
-    found = []
+    alike = []
     for section, wall in zip(sections, walls, strict=True):
         area, moments, _ = material_section(section.outline, wall)
         area, moments = linear and (section.area or area), given and (section.moments or moments)
-        found.append(section._replace(wall=wall, area=area or None, moments=moments or None))
-    return found
+        alike.append(section._replace(wall=wall, area=area or None, moments=moments or None))
+    return alike
 
 
 def _mixed(inner: _Section, outer: _Section, share: float) -> _Section:
@@ -485,19 +485,19 @@ def _pairs(rotor, table, named):
         remedy = "add a column t_over_c or section"
         raise InputError(f"{problem} sections", remedy, file=rotor.blade)
     ordered = _in_order(named)
-    names, values = list(ordered), np.array([each.thickness for each in ordered.values()])
+    names, values = list(ordered), np.array([section.thickness for section in ordered.values()])
     beyond = (table.thickness < values[0] - 1e-3) | (table.thickness > values[-1] + 1e-3)
     text = f"{np.count_nonzero(beyond)} stations are thinner or thicker than every section "
     text += f"({values[0]:.3f} to {values[-1]:.3f}): they have the polar of the nearest section"
-    place = np.interp(table.thickness, values, np.arange(values.size))
-    inner = np.minimum(place.astype(int), values.size - 2)
-    pairs = [(names[i], names[i + 1], float(at - i)) for i, at in zip(inner, place, strict=True)]
+    index = np.interp(table.thickness, values, np.arange(values.size))
+    inner = np.minimum(index.astype(int), values.size - 2)
+    pairs = [(names[i], names[i + 1], float(at - i)) for i, at in zip(inner, index, strict=True)]
     return pairs, (text,) if np.any(beyond) else ()
 
 
 def _in_order(named) -> dict[str, _Section]:
     """Return sections from the thinnest to the thickest; refuse some that have no order."""
-    if len({each.thickness for each in named.values()}) < len(named):
+    if len({section.thickness for section in named.values()}) < len(named):
         problem, remedy = "has two sections of one thickness", "keep one of them"
         raise InputError(problem, remedy, key="rotor.sections")
     return dict(sorted(named.items(), key=lambda pair: pair[1].thickness))
@@ -508,8 +508,8 @@ def _invariant(family: PolarFamily, number: float | None) -> Polar:
     if len(family.polars) == 1:
         return family.polars[0]
     if number is None:
-        known = ", ".join(f"{value:.3g}" for value in family.reynolds)
-        problem = f"is needed to choose from polars at {known}"
+        numbers = ", ".join(f"{value:.3g}" for value in family.reynolds)
+        problem = f"is needed to choose from polars at {numbers}"
         remedy = "give rotor.reynolds_number, or rotor.reynolds: local"
         raise InputError(problem, remedy, key="rotor.reynolds_number")
     return family.at(number)
