@@ -124,7 +124,7 @@ def loads_along(
         loads = largest(rotor, ratio, series["sections"])
     elif len(parts) == 1 or rotor.polar.follows_reynolds:  # the flow counts too
         pieces = [largest(rotor.at_flow(flow[part]), ratio[part]) for part in parts]
-        loads = {name: np.concatenate([part[name] for part in pieces]) for name in names}
+        loads = {name: np.concatenate([piece[name] for piece in pieces]) for name in names}
     else:
         at = np.linspace(ratio.min(), ratio.max(), RATIOS)
         loads = {name: np.interp(ratio, at, x) for name, x in largest(rotor, at).items()}

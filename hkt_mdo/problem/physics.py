@@ -78,7 +78,7 @@ def _span(case: Case) -> tuple[float, int]:
         inflow.check(inflow.length)
     duration = duration or inflow.length or DURATION
     if segments is None:
-        lasting = (each[2] for each in inflow.features if each[0] <= 0.0 and each[1] == np.inf)
+        lasting = (span[2] for span in inflow.features if span[0] <= 0.0 and span[1] == np.inf)
         wanted = np.ceil(SEGMENTS_PER_PERIOD * duration / min(lasting, default=np.inf) - 1e-9)
         segments = int(np.clip(wanted, FEWEST_SEGMENTS, MOST_SEGMENTS))
     periods = sum(
@@ -240,7 +240,7 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     if polar.follows_thickness and (direct or case.hydrodynamics.bem != "vectorized"):
         problem = "takes hydrodynamics.torque: curve and hydrodynamics.bem: vectorized"
         raise InputError(problem, "give these", key="design.thickness_points")
-    polars = {x for each in polar.tables for x in each}
+    polars = {table for row in polar.tables for table in row}
     asked = limited.get("cavitation", CavitationLimit())
     depth = case.site.hub_depth if asked.depth is None else asked.depth
     if "cavitation" in limited:

@@ -435,13 +435,13 @@ def _alike(sections) -> list[_Section]:
     A wall is at most half as thick as its section, which is then solid. Where walls differ and
     nothing else is given, the area is left to follow from outline and wall: it is not linear.
     """
-    hollow, given = any(each.wall for each in sections), any(each.moments for each in sections)
+    hollow, explicit = any(each.wall for each in sections), any(each.moments for each in sections)
     walls = [min(x.wall or 0.5, 0.5 * x.outline.thickness) if hollow else None for x in sections]
-    linear = given or len(set(walls)) == 1 or any(each.area for each in sections)
+    linear = explicit or len(set(walls)) == 1 or any(each.area for each in sections)
     alike = []
     for section, wall in zip(sections, walls, strict=True):
         area, moments, _ = material_section(section.outline, wall)
-        area, moments = linear and (section.area or area), given and (section.moments or moments)
+        area, moments = linear and (section.area or area), explicit and (section.moments or moments)
         alike.append(section._replace(wall=wall, area=area or None, moments=moments or None))
     return alike
 
