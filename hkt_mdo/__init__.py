@@ -40,8 +40,8 @@ def __getattr__(name: str):
         return import_module(f"{__name__}.errors").program_version()
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    home, _, own = _HOMES[name].rpartition(".")
-    return getattr(import_module(f"{__name__}.{home}"), own)
+    home, _, attribute = _HOMES[name].rpartition(".")
+    return getattr(import_module(f"{__name__}.{home}"), attribute)
 
 
 def __dir__() -> list[str]:

@@ -68,7 +68,7 @@ def did_you_mean(name: str, names: Iterable[str]) -> str:
     return f"did you mean {near[0]}? " if near else ""
 
 
-def needed(module: str, remedy: str, what: str = "", **place: Any) -> Any:
+def needed(module: str, remedy: str, what: str = "", **location: Any) -> Any:
     """Return a module of a package that may not be installed.
 
     Parameters
@@ -79,7 +79,7 @@ def needed(module: str, remedy: str, what: str = "", **place: Any) -> Any:
         How to get it, or what to do without.
     what : str
         What needs it, and a space.
-    **place : Any
+    **location : Any
         Where the need comes from, as `InputError` takes it.
 
     Returns
@@ -96,7 +96,7 @@ def needed(module: str, remedy: str, what: str = "", **place: Any) -> Any:
         return import_module(module)
     except ImportError:
         problem = f"{what}needs the package {module.partition('.')[0]}, which is not installed"
-        raise InputError(problem, remedy, **place) from None
+        raise InputError(problem, remedy, **location) from None
 
 
 def install(extra: str) -> str:
@@ -127,8 +127,8 @@ def program_version() -> str:
     """
     from importlib import metadata  # here, so that an error costs no import
 
-    found = (distribution.version for distribution in metadata.distributions(name="hkt_mdo"))
-    return next(found, "unknown")
+    versions = (distribution.version for distribution in metadata.distributions(name="hkt_mdo"))
+    return next(versions, "unknown")
 
 
 class InputError(Exception):
@@ -169,9 +169,9 @@ class InputError(Exception):
 
     def __str__(self) -> str:
         """Return the message, one printable line."""
-        place = " = ".join(filter(None, (self.key, self._shown)))
+        entry = " = ".join(filter(None, (self.key, self._shown)))
         advice = "; ".join(filter(None, (self.problem, self.remedy)))
-        line = ": ".join(filter(None, (self.file, place, advice)))
+        line = ": ".join(filter(None, (self.file, entry, advice)))
         return "".join(x if x.isprintable() else f"\\x{ord(x):02x}" for x in line)
 
 

@@ -44,7 +44,7 @@ def _find(
         if isinstance(part, int):
             path.append(f"[{part}]")
         elif len(inside) > 1:
-            inside = [each for each in inside if kind_name(each) == part]
+            inside = [kind for kind in inside if kind_name(kind) == part]
         else:
             path.append(part)
             section = inside[0] if inside else section
@@ -93,21 +93,21 @@ def validated(
     InputError
         If anything in the data is wrong.
     """
-    given = {assign(data, override, file, root): override for override in overrides}
+    applied = {assign(data, override, file, root): override for override in overrides}
     try:
         return root.model_validate(data, context=context)
     except ValidationError as error:
-        found = error.errors(include_url=False)
+        details = error.errors(include_url=False)
     # a list whose items are refused is not too short as well
     errors = [
-        e for e in found if e["type"] != "too_short" or len(e["input"]) < e["ctx"]["min_length"]
+        e for e in details if e["type"] != "too_short" or len(e["input"]) < e["ctx"]["min_length"]
     ]
-    errors.sort(key=lambda each: each["type"] != "extra_forbidden")  # often the cause of others
-    (key, problem, remedy, value), *more = (_words(each, root) for each in errors)
+    errors.sort(key=lambda detail: detail["type"] != "extra_forbidden")  # often the cause of others
+    (key, problem, remedy, value), *more = (_words(detail, root) for detail in errors)
     if more:
-        told = "; ".join(f"{each[0]} {each[1]}" for each in more[:3])
-        remedy = f"{remedy} (and {len(more)} more: {told})"
-    for overridden, text in given.items():
+        others = "; ".join(f"{words[0]} {words[1]}" for words in more[:3])
+        remedy = f"{remedy} (and {len(more)} more: {others})"
+    for overridden, text in applied.items():
         if key == overridden or key.startswith((f"{overridden}.", f"{overridden}[")):
             file = f"{file}, override {text if len(text) <= 60 else text[:57] + '...'}"
             break
@@ -151,8 +151,8 @@ def assign(data: dict[str, Any], override: str, file: str, root: type[Section]) 
         if not isinstance(inner, dict):
             problem = f"has no keys, so the override {key} cannot be applied"
             remedy = "override it as a whole, or only keys of sections"
-            place = ".".join(sections[: depth + 1])
-            raise InputError(problem, remedy, file=file, key=place, value=inner)
+            path = ".".join(sections[: depth + 1])
+            raise InputError(problem, remedy, file=file, key=path, value=inner)
         data = inner
     data[last] = parse(text, f"{file}, override {key}", key)
     return key
@@ -160,10 +160,10 @@ def assign(data: dict[str, Any], override: str, file: str, root: type[Section]) 
 
 def _words(error: ErrorDetails, root: type[Section]) -> tuple[str, str, str, dict[str, Any]]:
     """Return key, problem and remedy of an error, and the value as keyword if there is one."""
-    (key, section, taken, what), given = _find(error["loc"], root), error["input"]
-    context, found = error.get("ctx", {}), {"value": given}
+    (key, section, taken, what), value = _find(error["loc"], root), error["input"]
+    context, keyword = error.get("ctx", {}), {"value": value}
     tag = taken[0].named_by if taken else ""
-    kinds = [kind_name(each) for each in taken] if len(taken) > 1 else []
+    kinds = [kind_name(kind) for kind in taken] if len(taken) > 1 else []
     problem, remedy = error["msg"], what
     if error["type"] in _PLAIN:
         problem, remedy = (words.format(**context) for words in _PLAIN[error["type"]])
@@ -172,33 +172,33 @@ def _words(error: ErrorDetails, root: type[Section]) -> tuple[str, str, str, dic
         case "hkt_mdo":
             problem, remedy = context["problem"], context["remedy"]
             key = dotted(part for part in (key, context.get("key")) if part)
-            found["value"] = context.get("value", given)
+            keyword["value"] = context.get("value", value)
             if "quantity" in context and what:
                 remedy = f"give the {inside} as {context['quantity']}"
         case "string_pattern_mismatch" | "string_too_long" | "string_too_short":
             problem, remedy = "cannot be its name", f"give the {inside}"
         case "extra_forbidden":
-            own = str(error["loc"][-1])
-            problem, remedy = "unknown key", _suggest_key(key, own, section, root)
+            last = str(error["loc"][-1])
+            problem, remedy = "unknown key", _suggest_key(key, last, section, root)
             if key.endswith("limits.torque"):  # its name in earlier versions
                 problem, remedy = "has another name", "write control.torque_limit"
         case "missing":
-            found, problem, remedy = {}, "is missing", f"give it: {what}".rstrip(": ")
+            keyword, problem, remedy = {}, "is missing", f"give it: {what}".rstrip(": ")
             if kinds:
                 remedy = f"give {key}: {{{tag}: ...}} with one of {', '.join(kinds)}"
             elif isinstance(error["loc"][-1], int):
                 remedy = "give two values, [lower, upper]"
         case "union_tag_not_found" | "union_tag_invalid":
-            named = given.get(tag) if isinstance(given, dict) else context.get("tag")
-            found = {} if named is None else {"value": named}
-            problem, key = "unknown" if found else "is missing", f"{key}.{tag}"
+            named = value.get(tag) if isinstance(value, dict) else context.get("tag")
+            keyword = {} if named is None else {"value": named}
+            problem, key = "unknown" if keyword else "is missing", f"{key}.{tag}"
             remedy = _suggest(named, kinds)
         case "literal_error":
             choices = re.split(", | or ", context["expected"].replace("'", ""))
-            problem, remedy = "unknown", _suggest(given, choices)
+            problem, remedy = "unknown", _suggest(value, choices)
     if problem.startswith("unknown") and (kinds or "limits" in key.split(".")[-2:-1]):
         remedy += "; one of your own needs --extend FILE, in Python extensions=[FILE]"
-    return key, problem, remedy, found
+    return key, problem, remedy, keyword
 
 
 def _suggest(value: object, choices: Iterable[str]) -> str:
@@ -207,14 +207,14 @@ def _suggest(value: object, choices: Iterable[str]) -> str:
     return f"{guess}give one of {', '.join(choices)}"
 
 
-def _suggest_key(place: str, key: str, section: type[Section], root: type[Section]) -> str:
+def _suggest_key(path: str, key: str, section: type[Section], root: type[Section]) -> str:
     """Return the nearest key of the section, or the sections that do have the key."""
-    known = [field.alias or name for name, field in section.model_fields.items()]
+    keys = [field.alias or name for name, field in section.model_fields.items()]
     elsewhere = dict.fromkeys(
         f"{name}.{key}"
         for name, field in root.model_fields.items()
         for home in _sections(field)
-        if key in home.model_fields and f"{name}.{key}" != place
+        if key in home.model_fields and f"{name}.{key}" != path
     )
     guess = f"did you mean {' or '.join(elsewhere)}? " if elsewhere else ""
-    return f"{did_you_mean(key, known) or guess}known here: {', '.join(known) or 'none'}"
+    return f"{did_you_mean(key, keys) or guess}known here: {', '.join(keys) or 'none'}"

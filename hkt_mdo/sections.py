@@ -193,9 +193,9 @@ class Quantity:
     def __get_pydantic_json_schema__(self, _: CoreSchema, __: Any) -> dict[str, Any]:
         # JSON schema applies a bound to numbers only, a pattern to texts only
         pattern = _QUANTITY_TEXT.pattern[:-1] if self.unit else _PER_CENT.pattern
-        given = {"unit": self.unit} | {word: getattr(self, name) for name, _, _, word in BOUNDS}
-        known = {word: value for word, value in given.items() if value is not None}
-        number = {"type": ["number", "string"], "pattern": f"^{pattern}$"} | known
+        keys = {"unit": self.unit} | {word: getattr(self, name) for name, _, _, word in BOUNDS}
+        stated = {word: value for word, value in keys.items() if value is not None}
+        number = {"type": ["number", "string"], "pattern": f"^{pattern}$"} | stated
         return {"anyOf": [number, {"enum": [self.word]}]} if self.word else number
 
 
@@ -257,10 +257,10 @@ def find_file(
     context = {"folder": ".", "check_files": True} | (info.context or {})
     try:
         path = (Path(context["folder"]) / value).resolve()
-        found = path.is_file() or not context["check_files"]
+        accepted = path.is_file() or not context["check_files"]
     except (OSError, ValueError, RuntimeError):
         raise refusal("cannot be a path", remedy) from None
-    if not found:
+    if not accepted:
         raise refusal(problem.format(folder=Path(context["folder"]).absolute()), remedy)
     return str(path)
 
@@ -369,8 +369,8 @@ class Section(BaseModel):
         str
             Empty where there is no text.
         """
-        found = (_texts(each).get(key) for each in cls.__mro__ if issubclass(each, Section))
-        return cls.model_fields[key].description or next(filter(None, found), "")
+        texts = (_texts(base).get(key) for base in cls.__mro__ if issubclass(base, Section))
+        return cls.model_fields[key].description or next(filter(None, texts), "")
 
     @classmethod
     def unit_of(cls, key: str) -> str:
@@ -386,8 +386,8 @@ class Section(BaseModel):
         str
             The first one in its annotation; empty where there is none.
         """
-        found = parts_of(cls.model_fields[key].rebuild_annotation())
-        return next((x.unit for x in found if isinstance(x, Quantity) and x.unit), "")
+        parts = parts_of(cls.model_fields[key].rebuild_annotation())
+        return next((x.unit for x in parts if isinstance(x, Quantity) and x.unit), "")
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Any:
@@ -419,8 +419,8 @@ def kind_name(kind: Any) -> str:
     """
     tag = getattr(kind, "named_by", "")
     field = kind.model_fields.get(tag) if tag else None
-    own = getattr(kind, tag or "_", None)
-    names = (*get_args(field.annotation), field.default) if field else (own,)
+    attribute = getattr(kind, tag or "_", None)
+    names = (*get_args(field.annotation), field.default) if field else (attribute,)
     return next((name for name in names if isinstance(name, str)), "")
 
 
@@ -439,8 +439,8 @@ def parts_of(annotation: Any) -> Iterator[Any]:
     """
     if isinstance(annotation, Quantity) or Section in getattr(annotation, "__mro__", ()):
         yield annotation
-    for each in get_args(annotation):
-        yield from parts_of(each)
+    for part in get_args(annotation):
+        yield from parts_of(part)
 
 
 def leaves(value: Any, key: str = "", unit: str = "") -> Iterator[tuple[str, Any, str]]:
@@ -460,10 +460,10 @@ def leaves(value: Any, key: str = "", unit: str = "") -> Iterator[tuple[str, Any
     """
     if isinstance(value, Section):
         for name, field in type(value).model_fields.items():
-            own = f"{key}.{field.alias or name}".lstrip(".")
-            yield from leaves(getattr(value, name), own, type(value).unit_of(name))
+            path = f"{key}.{field.alias or name}".lstrip(".")
+            yield from leaves(getattr(value, name), path, type(value).unit_of(name))
     elif isinstance(value, list | tuple):
-        for number, each in enumerate(value):
-            yield from leaves(each, f"{key}[{number}]", unit)
+        for number, item in enumerate(value):
+            yield from leaves(item, f"{key}[{number}]", unit)
     else:
         yield key, value, unit

@@ -38,15 +38,15 @@ def case_json_schema(extensions: Iterable[Extension] = ()) -> dict[str, Any]:
 
 def quantities(key: str, extensions: Iterable[Extension] = (), case: Any = None) -> Iterator[Any]:
     """Yield the quantities that a key may be, by its dotted name, first those of a `case`."""
-    found: list[Any] = [case_class(known_kinds(extensions))]
+    parts: list[Any] = [case_class(known_kinds(extensions))]
     for name in (*key.split("."), "bound"):  # a limit may be its bound alone
-        found.sort(key=lambda each: each is not type(case))
-        known = [each.model_fields.items() for each in found if not isinstance(each, Quantity)]
-        fields = [field for each in known for own, field in each if name == (field.alias or own)]
-        found = [each for each in found if isinstance(each, Quantity)]
-        found += [part for field in fields for part in parts_of(field.rebuild_annotation())]
+        parts.sort(key=lambda part: part is not type(case))
+        tables = [part.model_fields.items() for part in parts if not isinstance(part, Quantity)]
+        fields = [field for table in tables for key, field in table if name == (field.alias or key)]
+        parts = [part for part in parts if isinstance(part, Quantity)]
+        parts += [part for field in fields for part in parts_of(field.rebuild_annotation())]
         case = getattr(case, name, None)
-    return (each for each in found if isinstance(each, Quantity))
+    return (part for part in parts if isinstance(part, Quantity))
 
 
 def _chapters(schema: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], dict[str, Any]]]:
@@ -83,16 +83,16 @@ def case_markdown(extensions: Iterable[Extension] = ()) -> str:
     `hkt_mdo.case.load_case`.
     """
     schema = case_json_schema(extensions)
-    about = {"kind": _kind, "yaml": _yaml, "code": _code}
-    parts = {"inner": _inner_sections, "apart": _without_repeated_keys}
-    page = templates(Path(__file__).parent, **about, **parts).get_template("page.md")
+    filters: dict[str, Any] = {"kind": _kind, "yaml": _yaml, "code": _code}
+    filters |= {"inner": _inner_sections, "apart": _without_repeated_keys}
+    page = templates(Path(__file__).parent, **filters).get_template("page.md")
     brought = {name: shipped_rotor(name) for name in shipped_names("blade")}
     grouped = {name for polars in POLAR_FAMILIES.values() for name in polars}
     text = page.render(
         chapters=list(_chapters(schema)),
-        known=schema["properties"],
+        case_keys=schema["properties"],
         blades=brought,
-        blade_keys=dict.fromkeys(key for own in brought.values() for key in own),
+        blade_keys=dict.fromkeys(key for keys in brought.values() for key in keys),
         families=POLAR_FAMILIES,
         single_polars=[name for name in shipped_names("polar") if name not in grouped],
         outlines=shipped_names("outline"),
@@ -108,17 +108,17 @@ def _without_repeated_keys(
 
     The third value has the names of these keys, by the title of the section that has them.
     """
-    known: dict[tuple[str, str], str] = {}  # the first section that has a key with these words
+    firsts: dict[tuple[str, str], str] = {}  # the first section that has a key with these words
     for tag, section in sections.items():
         again: dict[str, list[str]] = {}
-        own, title = {}, section.get("title", "")
+        properties, title = {}, section.get("title", "")
         for key, value in section["properties"].items():
-            first = known.setdefault((key, str(value)), title)
+            first = firsts.setdefault((key, str(value)), title)
             if first == title:
-                own[key] = value
+                properties[key] = value
             else:
                 again.setdefault(first, []).append(key)
-        yield tag, section | {"properties": own}, again
+        yield tag, section | {"properties": properties}, again
 
 
 def _inner_sections(value: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
@@ -127,7 +127,7 @@ def _inner_sections(value: Mapping[str, Any]) -> list[tuple[str, Mapping[str, An
     A section whose only key is its bound is described with the key.
     """
     inner = [("An entry of ", value.get("items", {}))]
-    inner += [("", each) for each in value.get("anyOf", [value])]
+    inner += [("", option) for option in value.get("anyOf", [value])]
     return [(words, part) for words, part in inner if part.get("properties", {}).keys() - {"bound"}]
 
 
@@ -157,8 +157,8 @@ def _kind(value: Mapping[str, Any]) -> str:
         "boolean": "true or false",
     }
     kind = f"number{unit}" if "number" in value["type"] else words[value["type"]]
-    given = [f"{words} {_yaml(value[key])}" for _, _, words, key in BOUNDS if key in value]
-    return ", ".join(filter(None, (kind, " and ".join(given))))
+    bounds = [f"{words} {_yaml(value[key])}" for _, _, words, key in BOUNDS if key in value]
+    return ", ".join(filter(None, (kind, " and ".join(bounds))))
 
 
 def _yaml(value: object) -> str:
@@ -168,7 +168,7 @@ def _yaml(value: object) -> str:
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_yaml, value))}]"
     if isinstance(value, dict):
-        value = {key: each for key, each in value.items() if each is not None}
+        value = {key: item for key, item in value.items() if item is not None}
     return dump([value], width=float("inf"), default_flow_style=True).strip()[1:-1]
 
 
@@ -185,35 +185,35 @@ def commented_case(values: Mapping[str, Mapping[str, Any]], usual: Collection[st
     """
     blocks = []
     for name, part, sections in _chapters(case_json_schema()):
-        given, lines, about = values.get(name, {}), [], part.get("description", "")
+        entries, lines, text = values.get(name, {}), [], part.get("description", "")
         section = sections.get("", {"properties": {}})
         if "oneOf" in part:
             tag = part["discriminator"]["propertyName"]
-            chosen = (part.get("default", {}) | given)[tag]
-            section, about = sections[chosen], f"{about} Choices: {', '.join(sections)}."
+            chosen = (part.get("default", {}) | entries)[tag]
+            section, text = sections[chosen], f"{text} Choices: {', '.join(sections)}."
             lines = [f"{_comment(section['description'], '  ')}\n  {tag}: {chosen}"]
-        for key in dict.fromkeys((*usual, *given)):
+        for key in dict.fromkeys((*usual, *entries)):
             if key in section["properties"]:
-                lines.append(_commented(key, section["properties"][key], given))
+                lines.append(_commented(key, section["properties"][key], entries))
         if lines:
             # a section without a key would be null
             empty = all(line.splitlines()[-1].lstrip().startswith("#") for line in lines)
             title = f"# {name}:" if empty else f"{name}:"
-            blocks.append("\n".join((_comment(about), title, "\n\n".join(lines), "")))
+            blocks.append("\n".join((_comment(text), title, "\n\n".join(lines), "")))
     return "\n\n".join(blocks)
 
 
-def _commented(key: str, value: Mapping[str, Any], given: Mapping[str, Any]) -> str:
+def _commented(key: str, value: Mapping[str, Any], entries: Mapping[str, Any]) -> str:
     """Return a key with its value or default, below its docstring; a comment if it has neither."""
     default = value.get("default")
-    mark = "" if key in given or default not in (None, []) else "# "
+    mark = "" if key in entries or default not in (None, []) else "# "
     kind = _kind(value).replace("`", "")
     remark = "" if kind.startswith("text") else f"  # {kind}"
-    about = value["description"]
+    text = value["description"]
     if len(remark) > 100:  # too long for the key's line
-        about, remark = f"{about}\n\n{kind[0].upper()}{kind[1:]}.", ""
-    about = _comment(about, "  ")
-    return f"{about}\n  {mark}{key}: {_yaml(given.get(key, default))}{remark}"
+        text, remark = f"{text}\n\n{kind[0].upper()}{kind[1:]}.", ""
+    text = _comment(text, "  ")
+    return f"{text}\n  {mark}{key}: {_yaml(entries.get(key, default))}{remark}"
 
 
 def _comment(text: str, indent: str = "") -> str:

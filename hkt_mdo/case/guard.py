@@ -77,26 +77,26 @@ def guard(kind: Any, source: str) -> Any:
     return kind
 
 
-def _guarded(value: Any, *place: str) -> Any:
+def _guarded(value: Any, *origin: str) -> Any:
     """Return an attribute of a kind whose function is guarded; None of one without."""
     if isinstance(value, FunctionType):
-        return _guard(value, *place)
+        return _guard(value, *origin)
     if isinstance(value, property):
-        return property(_guard(value.fget, *place)) if value.fget else None
+        return property(_guard(value.fget, *origin)) if value.fget else None
     if isinstance(value, cached_property):
-        return cached_property(_guard(value.func, *place))
-    if place[0] in SLOPES and callable(value):  # a static method, or what stands for a method
-        return _guard(lambda _, *args, **named: value(*args, **named), *place)
+        return cached_property(_guard(value.func, *origin))
+    if origin[0] in SLOPES and callable(value):  # a static method, or what stands for a method
+        return _guard(lambda _, *args, **named: value(*args, **named), *origin)
     return None
 
 
-def _guard(method: Callable, name: str, file: str, place: str) -> Callable:
+def _guard(method: Callable, name: str, file: str, key: str) -> Callable:
     """Return a method of an extension whose errors and bad results are reported with its place."""
     left = [True] * POINTS
 
     @wraps(method)
     def guarded(self, *args, **quantities):
-        given = (*args, *quantities.values())
+        arguments = (*args, *quantities.values())
         try:
             result = method(self, *args, **quantities)
         except InputError:
@@ -104,19 +104,19 @@ def _guard(method: Callable, name: str, file: str, place: str) -> Callable:
         except (Exception, SystemExit) as error:
             lines = [at.lineno for at in extract_tb(error.__traceback__) if at.filename == file]
             line = f" in line {lines[-1]}" if lines else ""
-            remedy = _remedy(error) if any(map(np.iscomplexobj, given)) else CORRECT
+            remedy = _remedy(error) if any(map(np.iscomplexobj, arguments)) else CORRECT
             problem = f"raises {one_line(error)}{line}"
-            raise InputError(problem, remedy, file=file, key=place) from error
+            raise InputError(problem, remedy, file=file, key=key) from error
         problem, remedy, shape = "", CORRECT, _shape(self, name, args, quantities)
         if shape is not None and not (result is None and name in MAY_BE_NONE):
-            problem, result = _checked(result, shape, given, name in MAY_BE_INFINITE)
+            problem, result = _checked(result, shape, arguments, name in MAY_BE_INFINITE)
         if not problem and name in ("speed_at_rest", "sizes") and np.max(result) <= 0.0:
             problem = f"returns {np.max(result):.4g}, and must return something above zero"
-        if not problem and left and name in SLOPES and not any(map(np.iscomplexobj, given)):
+        if not problem and left and name in SLOPES and not any(map(np.iscomplexobj, arguments)):
             left.pop()
             problem, remedy = _wrong_slope(method, name, self, args, quantities)
         if problem:
-            raise InputError(problem, remedy, file=file, key=place)
+            raise InputError(problem, remedy, file=file, key=key)
         return result
 
     return guarded
@@ -128,14 +128,14 @@ def _wrong_slope(method: Callable, of: str, kind: Any, args: tuple, named: dict)
     That by complex step lies between the differences to both sides, which are apart at a kink. By a
     quantity over time a formula has it at every instant by itself.
     """
-    names, given = [*signature(method).parameters][1:] or [of], dict(enumerate(args)) | named
+    names, arguments = [*signature(method).parameters][1:] or [of], dict(enumerate(args)) | named
 
     def at(key: Any, value: Any) -> np.ndarray:
-        moved = given | {key: value}
-        first = [moved.pop(place) for place in range(len(args))]
+        moved = arguments | {key: value}
+        first = [moved.pop(index) for index in range(len(args))]
         return np.ravel(method(kind, *first, **moved))
 
-    for key, value in given.items():
+    for key, value in arguments.items():
         name = key if isinstance(key, str) else names[min(key, len(names) - 1)]
         size = np.abs(value)
         if name in SLOPES[of] or size.dtype.kind not in "iuf" or not size.size:
@@ -144,8 +144,8 @@ def _wrong_slope(method: Callable, of: str, kind: Any, args: tuple, named: dict)
         try:
             here, lower, upper = (at(key, value + by * step) for by in (0.0, -1.0, 1.0))
             slope = np.imag(at(key, value + 1j * STEP * step)) / STEP
-            own = of in ("demand", "rates", "speed_at") and key not in ("gains", GAINS_AT.get(of))
-            for odd in (0, 1) if own or name in OVER_TIME else ():
+            timed = of in ("demand", "rates", "speed_at") and key not in ("gains", GAINS_AT.get(of))
+            for odd in (0, 1) if timed or name in OVER_TIME else ():
                 moved = np.arange(size.size).reshape(size.shape) % 2 == odd
                 by = np.imag(at(key, value + 1j * STEP * step * moved)) * np.isfinite(here)
                 rows = np.resize(by, (max(by.size // size.size, 1), *size.shape))
@@ -159,9 +159,9 @@ def _wrong_slope(method: Callable, of: str, kind: Any, args: tuple, named: dict)
         if np.any(off > 0.0):
             worst = np.argmax(off)
             unit = np.resize(step, off.size)[worst]
-            both = slope[worst] / unit, np.mean(sides[:, worst]) / unit
-            told = "{:.4g} by complex step and {:.4g} by differences".format(*both)
-            return f"has a derivative by {name} of {told}", COMPLEX
+            slopes = slope[worst] / unit, np.mean(sides[:, worst]) / unit
+            text = "{:.4g} by complex step and {:.4g} by differences".format(*slopes)
+            return f"has a derivative by {name} of {text}", COMPLEX
     return "", ""
 
 
@@ -194,28 +194,28 @@ def _shape(kind: Any, name: str, args: tuple, quantities: dict) -> tuple | None:
         count = ... if kind.n_unknowns is None else kind.n_unknowns
         return {"value": (), "rows": (...,), "best_unknowns": (count,)}.get(name)
     if isinstance(kind, Formula) and name in ("value", "rate"):
-        times = [np.shape(x) for each, x in quantities.items() if each in OVER_TIME]
+        times = [np.shape(x) for key, x in quantities.items() if key in OVER_TIME]
         return times[0] if times else (...,) if isinstance(kind, Limit) else ()
     return None
 
 
-def _checked(result: Any, shape: tuple, given: tuple, infinite: bool) -> tuple[str, Any]:
+def _checked(result: Any, shape: tuple, arguments: tuple, infinite: bool) -> tuple[str, Any]:
     """Return what is wrong with a result, empty if nothing, and the result in its shape."""
     try:
-        found = np.asarray(result)
+        array = np.asarray(result)
     except ValueError:  # rows of several lengths
-        found = np.asarray(None)
-    if found.dtype.kind not in "biufc":
+        array = np.asarray(None)
+    if array.dtype.kind not in "biufc":
         return f"returns {show(result)}, which is not a number or an array of numbers", result
     if shape[:1] == (...,):
-        if found.size and found.ndim and shape[1:] not in ((), found.shape[-1:]):
+        if array.size and array.ndim and shape[1:] not in ((), array.shape[-1:]):
             return f"returns {show(result)} in place of rows of {shape[1]} numbers", result
-    elif found.ndim and found.shape != shape:
+    elif array.ndim and array.shape != shape:
         wanted = f"the shape {shape}" if shape else "one number"
-        return f"returns an array of the shape {found.shape} in place of {wanted}", result
-    elif found.shape != shape or isinstance(result, list):
-        result = found + np.zeros(shape)
-    wrong = np.isnan(found.real) | (np.isinf(found.real) & (not infinite))
-    if _FINITE.get() and np.any(wrong) and all(np.all(np.isfinite(np.real(x))) for x in given):
-        return f"returns {found.real[wrong].flat[0]:g}", result
+        return f"returns an array of the shape {array.shape} in place of {wanted}", result
+    elif array.shape != shape or isinstance(result, list):
+        result = array + np.zeros(shape)
+    wrong = np.isnan(array.real) | (np.isinf(array.real) & (not infinite))
+    if _FINITE.get() and np.any(wrong) and all(np.all(np.isfinite(np.real(x))) for x in arguments):
+        return f"returns {array.real[wrong].flat[0]:g}", result
     return "", result

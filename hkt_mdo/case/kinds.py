@@ -62,27 +62,27 @@ class Kinds:
 
     def of(self, base: type) -> tuple[Any, ...]:
         """Return the kinds that are subclasses of a class."""
-        return tuple(each for each in self.classes if issubclass(each, base))
+        return tuple(kind for kind in self.classes if issubclass(kind, base))
 
     def extended(self, extensions: Iterable[Extension]) -> "Kinds":
         """Return these kinds and those of some extensions; raise InputError for a bad one."""
         classes, origins = list(self.classes), list(self.extensions)
         for extension in extensions:
-            source, found = _read(extension)
-            if not found:
+            source, definitions = _read(extension)
+            if not definitions:
                 remedy = f"write a subclass of {_BASES} with its name (docs/dev/architecture.md)"
                 raise InputError("defines no kind", remedy, file=source)
-            for each in found:
-                kind = _tagged(each)
+            for definition in definitions:
+                kind = _tagged(definition)
                 if kind not in classes:
                     for problem, remedy in _flaws(kind, classes):
                         raise InputError(problem, remedy, file=source, key=kind.__name__)
                     classes.append(guard(kind, source))
-            origins += [source] if isinstance(extension, str | Path) else found
+            origins += [source] if isinstance(extension, str | Path) else definitions
         return Kinds(tuple(classes), tuple(dict.fromkeys(origins)))
 
 
-def _flaws(kind: Any, known: Iterable[type]) -> Iterator[tuple[str, str]]:
+def _flaws(kind: Any, others: Iterable[type]) -> Iterator[tuple[str, str]]:
     """Yield what a class lacks to be a kind, and the remedies, the most basic flaw first."""
     tag, name = getattr(kind, "named_by", ""), kind_name(kind)
     if not tag:
@@ -98,7 +98,7 @@ def _flaws(kind: Any, known: Iterable[type]) -> Iterator[tuple[str, str]]:
     if issubclass(kind, Formula) and not isinstance(kind.inputs, property):
         yield from _flaws_of_formula(kind)
     yield from _flaws_of_units(kind)
-    if any(getattr(each, "named_by", "") == tag and kind_name(each) == name for each in known):
+    if any(getattr(other, "named_by", "") == tag and kind_name(other) == name for other in others):
         yield f"has the name {name} of another kind", f"give its {tag} another"
     if issubclass(kind, FeedbackLaw):
         yield from _flaws_of_law(kind)
@@ -118,20 +118,20 @@ def _flaws_of_law(kind: Any) -> Iterator[tuple[str, str]]:
     states = kind.states if isinstance(kind.states, dict) else {}
     if isinstance(kind.states, tuple | list) or states.keys() & quantities.QUANTITIES:
         yield f"has the states {show(kind.states)}", "write a dict, by names that no quantity has"
-    for state, about in states.items():
-        if not (np.shape(about) == (2,) and (about[0] is None or is_unit(about[0]))):
+    for state, meta in states.items():
+        if not (np.shape(meta) == (2,) and (meta[0] is None or is_unit(meta[0]))):
             remedy = 'write both, such as ("N*m", "torque behind the lag")'
-            yield f"has {show(about)} for unit and description of the state {state}", remedy
+            yield f"has {show(meta)} for unit and description of the state {state}", remedy
 
 
 def _flaws_of_names(kind: Any) -> Iterator[tuple[str, str]]:
     """Yield which names of a class are misspelt, and which of its properties are methods."""
     base: Any = next(x for x in kind.__mro__ if x.__module__.partition(".")[0] == "hkt_mdo")
-    known = [name for name in dir(base) if not name.startswith("_")]
+    names = [name for name in dir(base) if not name.startswith("_")]
     for name in sorted({*dir(kind), *kind.model_fields} - {*dir(base), *base.model_fields}):
-        for near in get_close_matches(name, known, n=1, cutoff=0.9):
+        for near in get_close_matches(name, names, n=1, cutoff=0.9):
             yield f"has {name}, and {base.__name__} has {near}", f"write {near}, or rename it"
-    for name in known:
+    for name in names:
         if isinstance(getattr(kind, name), FunctionType) and not callable(getattr(base, name)):
             yield f"has a method {name}, which must be a value", f"write @property above {name}"
 
@@ -139,30 +139,30 @@ def _flaws_of_names(kind: Any) -> Iterator[tuple[str, str]]:
 def _flaws_of_units(kind: Any) -> Iterator[tuple[str, str]]:
     """Yield which units of a class are unknown, or not those of the quantities they belong to."""
     parts = {key: parts_of(x.rebuild_annotation()) for key, x in kind.model_fields.items()}
-    given = {key: [x.unit for x in own if isinstance(x, Quantity)] for key, own in parts.items()}
-    own, gains = getattr(kind, "unit", None), getattr(kind, "gain_units", ())
+    units = {key: [x.unit for x in part if isinstance(x, Quantity)] for key, part in parts.items()}
+    value_unit, gains = getattr(kind, "unit", None), getattr(kind, "gain_units", ())
     # where they are properties they depend on the case
-    stated = {"unit": [] if isinstance(own, property) else [own or None]}
+    stated = {"unit": [] if isinstance(value_unit, property) else [value_unit or None]}
     stated["gain_units"] = [*gains] if isinstance(gains, tuple | list) else []
-    for unit in filter(None, chain(*given.values(), *stated.values())):
+    for unit in filter(None, chain(*units.values(), *stated.values())):
         if not (isinstance(unit, str) and is_unit(unit)):
             remedy = "write one such as m/s, N*m or kg*m**2, or None for a plain number"
             yield f"has the unknown unit {show(unit)}", remedy
     for key, name in (("bound", "unit"), ("gain", "gain_units")):
-        for unit, other in zip(given.get(key, ()), stated[name], strict=False):
+        for unit, other in zip(units.get(key, ()), stated[name], strict=False):
             if unit != other:
                 yield f"has {key} in {unit}, and {name} = {other}", "give both the same unit"
     if issubclass(kind, Limit) and kind.value is Formula.value and isinstance(kind.inputs, tuple):
-        own = quantities.QUANTITIES[kind.inputs[0]].unit
-        if (kind.unit or None) != own:
-            problem = f"has the unit {kind.unit}, and {kind.inputs[0]} is in {own}"
-            yield problem, f"write unit = {own!r}, or a method value that converts it"
+        input_unit = quantities.QUANTITIES[kind.inputs[0]].unit
+        if (kind.unit or None) != input_unit:
+            problem = f"has the unit {kind.unit}, and {kind.inputs[0]} is in {input_unit}"
+            yield problem, f"write unit = {input_unit!r}, or a method value that converts it"
 
 
 def _flaws_of_formula(kind: Any) -> Iterator[tuple[str, str]]:
     """Yield what is wrong with the inputs or methods of a limit or objective."""
     inputs = kind.inputs
-    if isinstance(inputs, str) or not inputs or not all(isinstance(each, str) for each in inputs):
+    if isinstance(inputs, str) or not inputs or not all(isinstance(name, str) for name in inputs):
         problem = "names no inputs: the quantities that it is a formula of"
         yield problem, 'write inputs: ClassVar[tuple[str, ...]] = ("rotor_speed",), or others'
     for name in inputs:
@@ -191,8 +191,8 @@ def _tagged(kind: Any) -> Any:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of the name that becomes a field
         field: Any = (Literal[name], Field(name, description=(kind.__doc__ or "").strip()))
-        about = {"__doc__": kind.__doc__, "__module__": kind.__module__}
-        return create_model(kind.__name__, __base__=kind, **about, **{tag: field})
+        attributes = {"__doc__": kind.__doc__, "__module__": kind.__module__}
+        return create_model(kind.__name__, __base__=kind, **attributes, **{tag: field})
 
 
 def known_kinds(extensions: Iterable[Extension] = ()) -> Kinds:
@@ -210,8 +210,8 @@ def _installed() -> Kinds:
         except (Exception, SystemExit) as error:
             problem = f"cannot be imported: {one_line(error)}"
             remedy = "correct or uninstall the package that declares it"
-            place = f"extension {point.name}"
-            raise InputError(problem, remedy, file=place, key=point.value) from error
+            source = f"extension {point.name}"
+            raise InputError(problem, remedy, file=source, key=point.value) from error
         kinds = kinds.extended([extension])
     return replace(kinds, extensions=())
 
@@ -231,8 +231,8 @@ def _read(extension: Extension) -> tuple[str, list[type]]:
 
 def _classes(module: ModuleType) -> list[type]:
     """Return the kinds that a module itself defines, in their order, without nameless bases."""
-    own = (each for each in vars(module).values() if isinstance(each, type))
-    return [each for each in own if each.__module__ == module.__name__ and kind_name(each)]
+    classes = (kind for kind in vars(module).values() if isinstance(kind, type))
+    return [kind for kind in classes if kind.__module__ == module.__name__ and kind_name(kind)]
 
 
 def _load(path: Path) -> ModuleType:
@@ -256,7 +256,7 @@ def _load(path: Path) -> ModuleType:
     except (Exception, SystemExit) as error:
         del sys.modules[name]
         frames = extract_tb(error.__traceback__)
-        lines = [each.lineno for each in frames if each.filename == str(path)]
+        lines = [frame.lineno for frame in frames if frame.filename == str(path)]
         line = error.lineno if isinstance(error, SyntaxError) else [None, *lines][-1]
         key, problem = f"line {line}" if line else "", f"cannot be run: {one_line(error)}"
         raise InputError(problem, "correct the extension", file=path, key=key) from error
@@ -264,5 +264,5 @@ def _load(path: Path) -> ModuleType:
 
 
 _OWN = chain(*(_classes(importlib.import_module(f"hkt_mdo.dynamics.{x}")) for x in MODULES))
-BUILT_IN = Kinds(tuple(each for each in _OWN if each not in INTERNAL))
+BUILT_IN = Kinds(tuple(kind for kind in _OWN if kind not in INTERNAL))
 """The kinds of the package."""

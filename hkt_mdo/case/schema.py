@@ -181,7 +181,7 @@ class Case(_WithFlow):
     @property
     def all_limits(self) -> tuple[Limit, ...]:
         """The limits of the case, and those of its scenarios."""
-        return sum((each.limits.given for each in self.scenarios), self.limits.given)
+        return sum((scenario.limits.given for scenario in self.scenarios), self.limits.given)
 
     @property
     def extensions(self) -> tuple[Extension, ...]:
@@ -192,13 +192,13 @@ class Case(_WithFlow):
     def spelled_out(cls, data: dict[str, Any]) -> dict[str, Any]:
         """Write out the stations of a resolved blade; keep a place for a flow that comes later."""
         data, keys = super().spelled_out(data), ("inflow", "resource")
-        flows = [each.get(key) for each in (data, *_scenarios(data)[:1]) for key in keys]
+        flows = [part.get(key) for part in (data, *_scenarios(data)[:1]) for key in keys]
         if flows[0] is None and any(flow is not None for flow in flows):
             data = data | {"inflow": _LATER}
         if isinstance(data.get("inflow"), SumInflow):  # of any class of parts
             data = data | {"inflow": data["inflow"].model_dump()}
-        rotor, given = data.get("rotor", {}), ("stations", "station_count", "chord")
-        if isinstance(rotor, dict) and all(rotor.get(name) is None for name in given):
+        rotor, station_keys = data.get("rotor", {}), ("stations", "station_count", "chord")
+        if isinstance(rotor, dict) and all(rotor.get(name) is None for name in station_keys):
             if _is_resolved(data):
                 return data | {"rotor": rotor | {"station_count": STATION_COUNT}}
         return data
@@ -232,12 +232,12 @@ class Case(_WithFlow):
             yield "phase.final_speed", problem, "give free, or control.law: open_loop"
         if self.inflow_dynamics.remembers:
             problem = "does not go with inflow_dynamics: oye"
-            for key, given, only in (
+            for key, choice, only in (
                 ("rotor.reynolds", rotor.reynolds, "invariant"),
                 ("hydrodynamics.torque", self.hydrodynamics.torque, "curve"),
                 ("hydrodynamics.bem", self.hydrodynamics.bem, "vectorized"),
             ):
-                if given != only:
+                if choice != only:
                     yield key, problem, f"give {only}, or inflow_dynamics: quasi_steady"
         problem = "takes the Reynolds number of the induced speed, not that of rotor.reynolds"
         remedy = "give vectorized, or rotor.reynolds: invariant"
@@ -268,14 +268,14 @@ class Case(_WithFlow):
 
         If it has one scenario, it is that one, whatever the name.
         """
-        for own in self.scenarios:
-            if own.name == name or len(self.scenarios) == 1:
-                made = self.of_turbine(own.density, own.condition)
-                limits = {limit.name: limit for limit in own.limits.given}
+        for scenario in self.scenarios:
+            if scenario.name == name or len(self.scenarios) == 1:
+                made = self.of_turbine(scenario.density, scenario.condition)
+                limits = {limit.name: limit for limit in scenario.limits.given}
                 keys = "duration", "segments"
-                mesh = {key: getattr(own, key) or getattr(self.phase, key) for key in keys}
+                mesh = {key: getattr(scenario, key) or getattr(self.phase, key) for key in keys}
                 update = {
-                    "inflow": own.inflow or self.inflow,
+                    "inflow": scenario.inflow or self.inflow,
                     "limits": self.limits.model_copy(update=limits),
                     "phase": self.phase.model_copy(update=mesh),
                     "scenarios": (),
@@ -297,13 +297,13 @@ class Case(_WithFlow):
         """Yield what is wrong with scenarios; put one in place of each of their realizations."""
         if self.inflow is _LATER:
             object.__setattr__(self, "inflow", self.scenarios[0].inflow)
-        weights = [each.weight for each in self.scenarios]
+        weights = [scenario.weight for scenario in self.scenarios]
         if weights and not any(weights):
             remedy = "give one of them a weight above 0"
             yield "scenarios", "have weights that are all zero", remedy
         yield from self._flaws_of_condition("condition", self.condition)
-        own = ((f"scenarios[{i}].inflow", each.inflow) for i, each in enumerate(self.scenarios))
-        for key, flow in (("inflow", self.inflow), *own):
+        flows = ((f"scenarios[{i}].inflow", each.inflow) for i, each in enumerate(self.scenarios))
+        for key, flow in (("inflow", self.inflow), *flows):
             if back := getattr(flow, "reversed_polar", None):
                 yield from self._flaws_of_condition(key, Condition(polar=back), "reversed_polar")
         made: dict[str, FlowScenario] = {}
@@ -314,14 +314,14 @@ class Case(_WithFlow):
                     problem = "is a limit of the design, which all scenarios share"
                     yield f"{key}.limits.{limit.name}", problem, f"give it as limits.{limit.name}"
             named = scenario.model_copy(update={"name": scenario.name or f"flow_{number + 1}"})
-            for each in named.realized(self, key):
-                name = str(each.name).lower()  # they name files
+            for realization in named.realized(self, key):
+                name = str(realization.name).lower()  # they name files
                 if name in made:
                     problem, remedy = "is the name of two scenarios", "give each its own"
-                    raise refusal(problem, remedy, key=f"{key}.name", value=each.name)
-                made[name] = each
-                if each.condition is not None:
-                    yield from self._flaws_of_condition(f"{key}.condition", each.condition)
+                    raise refusal(problem, remedy, key=f"{key}.name", value=realization.name)
+                made[name] = realization
+                if realization.condition is not None:
+                    yield from self._flaws_of_condition(f"{key}.condition", realization.condition)
         if len(made) > MOST_SCENARIOS:
             problem = f"are {len(made)} flows with their realizations"
             yield "scenarios", problem, f"give at most {MOST_SCENARIOS}"
@@ -348,38 +348,38 @@ class Case(_WithFlow):
 
         Keys whose values come from the shipped blade are not written but listed in a comment.
         """
-        data, own = self._without_own()
+        data, shipped = self._without_shipped()
         text = dump(data)
-        if not own:
+        if not shipped:
             return text
-        brings = dump(own, width=float("inf"), default_flow_style=True).strip()
-        about = f"  # where null, the blade {data['rotor']['blade']} brings its own: {brings}"
-        return text.replace("\nrotor:\n", f"\nrotor:\n{about}\n", 1)
+        brings = dump(shipped, width=float("inf"), default_flow_style=True).strip()
+        comment = f"  # where null, the blade {data['rotor']['blade']} brings its own: {brings}"
+        return text.replace("\nrotor:\n", f"\nrotor:\n{comment}\n", 1)
 
     def __repr__(self) -> str:
         return f"<Case {self.name}: {self.control.law} control, {self.inflow.profile} flow>"
 
     def _repr_html_(self) -> str:
         """Return what differs from the defaults, as YAML for notebooks."""
-        given = self.model_dump(mode="json", exclude_defaults=True)
-        given["inflow"] = {"profile": self.inflow.profile} | given["inflow"]
-        given["control"] = {"law": self.control.law} | given["control"]
-        return f"<pre>{html.escape(dump(given))}</pre>"
+        data = self.model_dump(mode="json", exclude_defaults=True)
+        data["inflow"] = {"profile": self.inflow.profile} | data["inflow"]
+        data["control"] = {"law": self.control.law} | data["control"]
+        return f"<pre>{html.escape(dump(data))}</pre>"
 
-    def _without_own(self) -> tuple[dict[str, Any], dict[str, Any]]:
+    def _without_shipped(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the case as JSON without the values of its shipped blade, and these values."""
         data = self.model_dump(mode="json")
-        own = own_keys(data["rotor"])
+        shipped = own_keys(data["rotor"])
         # without its stations the blade would have 40
         if _is_resolved(data):
-            own.pop("stations", None)
-        data["rotor"] |= {key: [] if key == "sections" else None for key in own}
+            shipped.pop("stations", None)
+        data["rotor"] |= {key: [] if key == "sections" else None for key in shipped}
         # a limit of an extension that the case does not use need not be there when it is read
-        known, limits = {kind_name(each) for each in BUILT_IN.of(Limit)}, data["limits"]
-        data["limits"] = {key: x for key, x in limits.items() if x is not None or key in known}
-        flows = [each.model_dump(mode="json", exclude_none=True) for each in self.scenarios]
+        built_in, limits = {kind_name(kind) for kind in BUILT_IN.of(Limit)}, data["limits"]
+        data["limits"] = {key: x for key, x in limits.items() if x is not None or key in built_in}
+        flows = [flow.model_dump(mode="json", exclude_none=True) for flow in self.scenarios]
         data["scenarios"] = flows
-        return data, own
+        return data, shipped
 
     def with_overrides(self, *overrides: str) -> "Case":
         """Return a case in which some keys have other values, checked as a file would be.
@@ -387,7 +387,7 @@ class Case(_WithFlow):
         An override is a text such as ``rotor.radius=2`` or ``control={law: linear}``; relative
         paths start from the current folder. Raises InputError for one that is not valid.
         """
-        data, _ = self._without_own()
+        data, _ = self._without_shipped()
         return _make_case(data, overrides, self.kinds, f"case {self.name}")
 
 
@@ -397,16 +397,16 @@ def _is_resolved(data: dict[str, Any]) -> bool:
     Limits are those besides that of the torque, of the case or of one of its scenarios.
     """
     design, limits = data.get("design"), [x.get("limits") for x in (data, *_scenarios(data))]
-    given = [value for each in limits if isinstance(each, dict) for value in each.values()]
+    values = [value for part in limits if isinstance(part, dict) for value in part.values()]
     if isinstance(design, dict):
-        given += [design.get("chord_points"), design.get("twist_points")]
-    return any(value is not None for value in given)
+        values += [design.get("chord_points"), design.get("twist_points")]
+    return any(value is not None for value in values)
 
 
 def _scenarios(data: dict[str, Any]) -> list[dict[str, Any]]:
     """Return the scenarios in a case's data that are sections of keys."""
-    given = data.get("scenarios")
-    return [x for x in given if isinstance(x, dict)] if isinstance(given, list | tuple) else []
+    entries = data.get("scenarios")
+    return [x for x in entries if isinstance(x, dict)] if isinstance(entries, list | tuple) else []
 
 
 _BaseCase = Case
@@ -420,8 +420,8 @@ def case_class(kinds: Kinds) -> type[Case]:
     part: Any = Annotated[Union[tuple(profiles)], Field(discriminator="profile")]  # noqa: UP007
     total = _subclass(SumInflow, parts=(tuple[part, ...], Field(min_length=2, max_length=20)))
     limits: dict[str, Any] = {
-        kind_name(each): (each | None, Field(None, description=(each.__doc__ or "").strip()))
-        for each in kinds.of(Limit)
+        kind_name(kind): (kind | None, Field(None, description=(kind.__doc__ or "").strip()))
+        for kind in kinds.of(Limit)
     }
     section = _subclass(Limits, **limits)
     scenario = _subclass(
@@ -454,13 +454,13 @@ def _choice(key: str, classes: Sequence[type[Section] | None]) -> Any:
 
     Its default is null where that is possible, else that of the case's key.
     """
-    kinds = [each for each in classes if each is not None]
+    kinds = [kind for kind in classes if kind is not None]
     plain = [e for e in kinds if not any(f.is_required() for f in e.model_fields.values())]
 
     def describe(schema: dict[str, Any]) -> None:
         """Let the JSON schema take the bare name of a kind that has no required keys."""
         part = schema.get("anyOf", [schema])[0]
-        part["oneOf"].append({"enum": [kind_name(each) for each in plain]})
+        part["oneOf"].append({"enum": [kind_name(kind) for kind in plain]})
 
     default = None if None in classes else _BaseCase.model_fields[key].default
     tag = Field(default, discriminator=kinds[0].named_by, json_schema_extra=describe)

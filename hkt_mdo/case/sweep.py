@@ -59,7 +59,7 @@ class Axis(Section):
         if self.values is not None:
             if (self.from_, self.to, self.count) != (None, None, None):
                 yield "", "has values and a range", "give one of them"
-            if len({json.dumps(each, sort_keys=True) for each in self.values}) < len(self.values):
+            if len({json.dumps(value, sort_keys=True) for value in self.values}) < len(self.values):
                 yield "values", "has a value twice", "give each value once"
         else:
             low, high, _ = self.ends
@@ -76,9 +76,9 @@ class Axis(Section):
     @property
     def ends(self) -> tuple[float, float, str]:
         """Numbers of both ends of a range, and their unit."""
-        found = [_NUMBER.fullmatch(str(end)) for end in (self.from_, self.to)]
+        matches = [_NUMBER.fullmatch(str(end)) for end in (self.from_, self.to)]
         try:
-            (low, unit), (high, other) = ((float(x[1]), x[2]) for x in found if x)
+            (low, unit), (high, other) = ((float(x[1]), x[2]) for x in matches if x)
         except ValueError:
             remedy = "write {from: 1 m, to: 2 m, count: 5}, or a list of values"
             raise refusal("must be a list or a range of numbers", remedy) from None
@@ -159,8 +159,8 @@ class Sweep(Section):
 
             drawn = qmc.LatinHypercube(len(self.sampled), seed=self.seed).random(self.samples)
         for *shares, sample in product(*grid, drawn):
-            found = dict(zip(keys, (*shares, *sample), strict=True))
-            yield {key: found[key] for key in self.over}
+            place = dict(zip(keys, (*shares, *sample), strict=True))
+            yield {key: place[key] for key in self.over}
 
     def points(self) -> Iterator[Point]:
         """Yield every point, in the order of `places`."""
@@ -182,14 +182,14 @@ class Sweep(Section):
 
     def row_at(self, point: Point) -> Point:
         """Return the values of a point in the table: numbers in the unit of the key, or texts."""
-        found: Point = {}
-        for name, (key, given) in zip(self.columns, point.items(), strict=True):
-            found[name] = given if isinstance(given, str | int | float) else json.dumps(given)
+        row: Point = {}
+        for name, (key, value) in zip(self.columns, point.items(), strict=True):
+            row[name] = value if isinstance(value, str | int | float) else json.dumps(value)
             for x in quantities(key, self._extensions):
                 with suppress(ValueError):  # a name, a section, or the unit of another law
-                    found[name] = x.read(given.get("bound") if isinstance(given, dict) else given)
+                    row[name] = x.read(value.get("bound") if isinstance(value, dict) else value)
                     break
-        return found
+        return row
 
     def check(self, file: object) -> None:
         """Try values of lists and ends of ranges, each beside the first values of the others.

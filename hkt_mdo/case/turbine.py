@@ -174,17 +174,17 @@ class Rotor(Section):
     @classmethod
     def spelled_out(cls, data: dict[str, Any]) -> dict[str, Any]:
         """Fill in the keys that a shipped blade brings with it."""
-        own = shipped_rotor(data.get("blade", cls.model_fields["blade"].default))
-        given = {key: x for key, x in data.items() if x is not None and (key != "sections" or x)}
-        without = {each for key in given for each in _IN_PLACE.get(key, ())}
-        return {key: x for key, x in own.items() if key not in without} | given
+        shipped = shipped_rotor(data.get("blade", cls.model_fields["blade"].default))
+        stated = {key: x for key, x in data.items() if x is not None and (key != "sections" or x)}
+        replaced = {name for key in stated for name in _IN_PLACE.get(key, ())}
+        return {key: x for key, x in shipped.items() if key not in replaced} | stated
 
     @property
     def blade_material(self) -> Material:
         """The material of the blades, with the density and the modulus that stand beside it."""
         beside = {"density": self.material_density, "modulus": self.modulus}
-        own = {key: value for key, value in beside.items() if value is not None}
-        return self.material.model_copy(update=own)
+        changes = {key: value for key, value in beside.items() if value is not None}
+        return self.material.model_copy(update=changes)
 
     def flaws(self) -> Flaws:
         stations = self.stations or ()
@@ -208,8 +208,8 @@ class Rotor(Section):
 def own_keys(rotor: dict[str, Any]) -> dict[str, Any]:
     """Return the keys of a section `rotor` (JSON) that have the values of its shipped blade."""
     blade = rotor.get("blade", Rotor.model_fields["blade"].default)
-    own = Rotor(blade=blade).model_dump(mode="json") if (keys := shipped_rotor(blade)) else {}
-    return {key: own[key] for key in keys if rotor.get(key) == own[key]}
+    shipped = Rotor(blade=blade).model_dump(mode="json") if (keys := shipped_rotor(blade)) else {}
+    return {key: shipped[key] for key in keys if rotor.get(key) == shipped[key]}
 
 
 class Site(Section):
