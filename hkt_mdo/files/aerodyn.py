@@ -170,8 +170,8 @@ def read_old_airfoil(text: str, path: Path) -> list[PolarTable]:
     begin = next(at for at, (_, line) in enumerate(lines) if OLD_COUNT.search(line))
     number, counted = lines[begin]
     count = parse_number(counted.split()[0])
-    about = " ".join(line for _, line in lines[:begin]).lower()
-    fourth = "cpmin" if re.search(r"min\w* pressure|cpmin", about) else "cm"
+    preface = " ".join(line for _, line in lines[:begin]).lower()
+    fourth = "cpmin" if re.search(r"min\w* pressure|cpmin", preface) else "cm"
     split = [(line, _SEPARATOR.split(x.strip())) for line, x in lines[begin + 1 :] if x.strip()]
     parts = groupby(split, lambda row: row[1][0].upper() == "EOT")
     tables: list[PolarTable] = []
@@ -325,9 +325,9 @@ def _blade_columns(text: str, file: Path) -> tuple[dict[str, Column], list[str]]
 
 def _checked_names(head: Row, below: Row, file: Path) -> list[str]:
     """Return the columns' names as in `_UNITS`; refuse missing or repeated ones and other units."""
-    (line, given), (units_line, units) = head, below
+    (line, cells), (units_line, units) = head, below
     spellings = {name.lower(): name for name in _UNITS}
-    names = [spellings.get(name.lower(), name) for name in given]
+    names = [spellings.get(name.lower(), name) for name in cells]
     missing = [f"lacks the column {name}" for name in _NEEDED if name not in names]
     repeated = [f"has the column {name} twice" for name in names if names.count(name) > 1]
     for problem in (missing + repeated)[:1]:

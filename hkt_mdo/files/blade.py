@@ -88,8 +88,8 @@ _CONVERSIONS: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
 
 def _read_csv(text: str, file: Path) -> BladeTable:
     """Return the blade of a CSV file."""
-    known = ["section", *chain.from_iterable(_QUANTITIES.values())]
-    table = Csv(text, file, "a header such as r_m,chord_m,twist_deg", known)
+    headers = ["section", *chain.from_iterable(_QUANTITIES.values())]
+    table = Csv(text, file, "a header such as r_m,chord_m,twist_deg", headers)
     both_twists = set(table.header) >= {"twist_rad", "twist_deg"}  # of a result's file
     quantities = _QUANTITIES | ({"twist": ["twist_rad"]} if both_twists else {})
     needed = {"radius", "chord", "twist", *map(str.lower, table.header)}
@@ -104,9 +104,9 @@ def _read_csv(text: str, file: Path) -> BladeTable:
         raise table.refuse(problem, remedy)
     columns = table.columns(list(filter(None, names.values())), "blade")
     messages = [
-        f"the column {name} is not read; {did_you_mean(name, known)}".rstrip("; ")
+        f"the column {name} is not read; {did_you_mean(name, headers)}".rstrip("; ")
         for name in table.header
-        if name not in known
+        if name not in headers
     ]
     doubts: tuple[str, ...] = ()
     for name, column in columns.items():

@@ -85,21 +85,21 @@ class BladeTable:
             If lengths are kept and the rows reach beyond the tip.
         """
         tip_radius = float(tip_radius)
-        own = 1.0 if self.relative else self.tip_radius
-        if own is None:
+        file_radius = 1.0 if self.relative else self.tip_radius
+        if file_radius is None:
             last = float(self.r[-1])
             if last > tip_radius * (1.0 + EDGE):
                 problem = f"reaches beyond the rotor's tip radius of {tip_radius:g} m"
                 remedy = "check the unit of the radii, enlarge rotor.radius, or cut the rows"
                 raise InputError(problem, remedy, file=self.file, key="outermost row", value=last)
             return replace(self, tip_radius=tip_radius)
-        if own == tip_radius and not self.relative:
+        if file_radius == tip_radius and not self.relative:
             return self
 
         def scale(length):  # dividing first keeps a row that lies on the tip there, to the last bit
-            return length / own * tip_radius
+            return length / file_radius * tip_radius
 
-        note = f"lengths scaled from a tip radius of {own:g} m to {tip_radius:g} m"
+        note = f"lengths scaled from a tip radius of {file_radius:g} m to {tip_radius:g} m"
         return replace(
             self,
             r=scale(self.r),

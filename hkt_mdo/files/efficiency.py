@@ -39,7 +39,7 @@ def read_efficiency(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarra
     path = Path(path)
     file = Csv(read_text(path, "table of efficiencies"), path, ",".join([*UNITS][::2]), UNITS)
     quantities = "torque", "speed", "efficiency"
-    names = [file.one_of([x for x in UNITS if x.startswith(each)], each) for each in quantities]
+    names = [file.one_of([x for x in UNITS if x.startswith(word)], word) for word in quantities]
     torque, speed, efficiency = file.columns(names, "table of efficiencies").values()
     for column in (torque, speed):
         column.refuse(column.values < 0.0, "must not be negative", "give its magnitude")

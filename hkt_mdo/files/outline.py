@@ -204,8 +204,8 @@ def _first_crossing(x: np.ndarray, y: np.ndarray) -> list[tuple[int, int]]:
         others = np.arange(side + 2, x.size - (side == 0))
         after = (others + 1) % x.size
         apart = turn(side, others) * turn(side, after)
-        own = turn(others, side) * turn(others, side + 1)
-        crossed = np.flatnonzero((apart < 0.0) & (own < 0.0))
+        side_apart = turn(others, side) * turn(others, side + 1)
+        crossed = np.flatnonzero((apart < 0.0) & (side_apart < 0.0))
         if crossed.size:
             return [(side, int(others[crossed[0]]))]
     return []

@@ -77,8 +77,8 @@ def _read_file(path: Path) -> list[PolarTable]:
 
 def _read_csv(text: str, path: Path) -> list[PolarTable]:
     """Return the polars of a CSV file, one for each number in its column reynolds."""
-    known = *_ANGLES, "cl", "cd", "cm", "reynolds", "cpmin", *SURFACES
-    table = Csv(text, path, "alpha_deg,cl,cd", known)
+    names = *_ANGLES, "cl", "cd", "cm", "reynolds", "cpmin", *SURFACES
+    table = Csv(text, path, "alpha_deg,cl,cd", names)
     if not {*_ANGLES, "cl", "cd"} & set(table.header):
         raise table.refuse("is no header of alpha_deg,cl,cd", f"give {_FORMATS}")
     table.check((table.one_of(_ANGLES, "angle of attack"), "cl", "cd"), "polar")
@@ -148,8 +148,8 @@ def _read_xfoil_polar(
         "lacks the line Mach = Re =": reynolds is None,
         "has no rows": not rows,
     }
-    for flaw, found in flaws.items():
-        if found:
+    for flaw, present in flaws.items():
+        if present:
             problem = f"the polar that begins here {flaw}"
             raise line_error(path, part[0][0], problem, _XFOIL_REMEDY)
     return polar_of_rows(rows, names, reynolds, path, where)

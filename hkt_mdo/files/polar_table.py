@@ -172,14 +172,14 @@ def in_order(tables: list[PolarTable], file: object, of: str = "") -> tuple[Pola
     InputError
         If two have the same number, or one of several has none.
     """
-    found = sorted(tables, key=lambda table: table.reynolds or 0.0)
-    for one, other in pairwise(found):
+    polars = sorted(tables, key=lambda table: table.reynolds or 0.0)
+    for one, other in pairwise(polars):
         if one.reynolds in (None, other.reynolds):
             problem = "is missing" if one.reynolds is None else "is that of two tables"
             remedy = "give one table for each Reynolds number"
             key = f"Reynolds number{of}"
             raise InputError(problem, remedy, file=file, key=key, value=one.reynolds)
-    return tuple(found)
+    return tuple(polars)
 
 
 def polar_of_rows(
@@ -245,17 +245,17 @@ def _mirrored(table: Mapping[str, Column]) -> dict[str, Column]:
     return made
 
 
-def _angles(given: Column, constant: bool) -> tuple[np.ndarray, bool]:
+def _angles(column: Column, constant: bool) -> tuple[np.ndarray, bool]:
     """Return the angles in degrees, and whether they run round; constant: lift and drag are so."""
-    angle, in_radians = given.values.copy(), given.name.endswith("alpha_rad")
+    angle, in_radians = column.values.copy(), column.name.endswith("alpha_rad")
     remedy = "angles of attack run from -180 to 180 degrees"
     remedy += "; if these are degrees, name the column alpha_deg" * in_radians
-    given.refuse(np.abs(angle) > 180.0 + CIRCLE_EDGE, "lies beyond the full circle", remedy)
+    column.refuse(np.abs(angle) > 180.0 + CIRCLE_EDGE, "lies beyond the full circle", remedy)
     first, last = angle[0], angle[-1]
     circle = bool(first <= -180 + CIRCLE_EDGE and last >= 180 - CIRCLE_EDGE)
     if circle:
         angle[0], angle[-1] = -180.0, 180.0
-    given.check_rising("angles", angle)
+    column.check_rising("angles", angle)
     low, high = NEEDED_RANGE
     if angle.size < FEWEST_ROWS and not (circle and constant):
         problem = f"the polar has {angle.size} rows, at least {FEWEST_ROWS} are needed"
@@ -265,12 +265,12 @@ def _angles(given: Column, constant: bool) -> tuple[np.ndarray, bool]:
         problem += "-90 and 90 degrees, or run from -180 to 180"
         remedy = "extend or cut it (beyond the table the polar is extended by Viterna)"
         if not in_radians and np.max(np.abs(angle)) < 1.01 * np.pi:  # files round
-            other = " or name the column alpha_rad" * given.name.endswith("alpha_deg")
+            other = " or name the column alpha_rad" * column.name.endswith("alpha_deg")
             remedy = f"if these are radians, convert them{other}; {remedy}"
     else:
         return angle, circle
     span = f"{angle[0]:g} … {angle[-1]:g}"
-    raise InputError(problem, remedy, file=given.file, key=given.name, value=span)
+    raise InputError(problem, remedy, file=column.file, key=column.name, value=span)
 
 
 def _closed(column: Column, messages: list[str]) -> Column:
@@ -301,21 +301,21 @@ def _check_coefficient(name: str, column: Column) -> None:
 
 def _smallest_pressure(table: Mapping[str, Column]) -> np.ndarray | None:
     """Return `PolarTable.smallest_pressure` of the columns of a file; None without any but 0."""
-    given = {name: table[name] for name in ("cpmin", *SURFACES) if name in table}
-    if not any(np.any(column.values) for column in given.values()):
+    columns = {name: table[name] for name in ("cpmin", *SURFACES) if name in table}
+    if not any(np.any(column.values) for column in columns.values()):
         return None  # zeros stand in for a pressure that is unknown
     low, high = PRESSURE_RANGE
-    without = all(np.all(column.values >= 0.0) for column in given.values())
-    for column in given.values():
+    without = all(np.all(column.values >= 0.0) for column in columns.values())
+    for column in columns.values():
         problem = f"is no smallest pressure coefficient: {low:g} to {high:g}, somewhere below 0"
         remedy = "give it as Cp is: negative where there is suction"
         column.refuse((column.values < low) | (column.values > high) | without, problem, remedy)
-    surfaces = [given[name] for name in SURFACES if name in given]
+    surfaces = [columns[name] for name in SURFACES if name in columns]
     if len(surfaces) == 1:
         remedy = f"give {' and '.join(SURFACES)}, or cpmin, the smaller of both"
         file, key = surfaces[0].file, surfaces[0].name
         raise InputError("is of one surface alone", remedy, file=file, key=key)
-    return np.stack([column.values for column in surfaces or given.values()])
+    return np.stack([column.values for column in surfaces or columns.values()])
 
 
 def read_reynolds(cell: str, file: object, key: str, unit: float = 1.0) -> float:

@@ -38,7 +38,7 @@ class _Series(NamedTuple):
     name: str
     times: Sequence[Any]
     values: Sequence[Any]
-    about: Sequence[str] = ()  # what tells it from others of the same name, in this order
+    qualifiers: Sequence[str] = ()  # what tells it from others of the same name, in this order
     unit: str = ""
 
 
@@ -75,9 +75,9 @@ def read_json(options: RecordFile) -> Columns:
     if not series:
         remedy = f"give {_KNOWN}, or write it as CSV"
         raise InputError("is JSON, and no record of a known form", remedy, file=path)
-    empty = [each for each in series if not each.times]
-    messages = [f"{', '.join((each.name, *each.about))}: no samples" for each in empty]
-    series = [each for each in series if each.times] or series
+    empty = [column for column in series if not column.times]
+    messages = [f"{', '.join((column.name, *column.qualifiers))}: no samples" for column in empty]
+    series = [column for column in series if column.times] or series
     columns = _names(series)
     noaa = "metadata" in data and {*columns} == {*NOAA}
     if noaa:
@@ -122,21 +122,21 @@ def _usgs(entry: dict[str, Any], sensor: dict[str, Any]) -> _Series:
     missing, name = variable.get("noDataValue"), variable["variableDescription"]
     source, (method, *_) = entry.get("sourceInfo", {}), sensor.get("method") or [{}]
     (site, *_) = source.get("siteCode") or [{}]
-    about = [f"site {site.get('value')} {source.get('siteName', '')}".strip()]
-    about += [f"method {method.get('methodID')} {method.get('methodDescription', '')}".strip()]
-    numbers = [parse_number(str(each["value"])) for each in samples]
+    qualifiers = [f"site {site.get('value')} {source.get('siteName', '')}".strip()]
+    qualifiers += [f"method {method.get('methodID')} {method.get('methodDescription', '')}".strip()]
+    numbers = [parse_number(str(sample["value"])) for sample in samples]
     values = [None if number == missing else number for number in numbers]
-    return _Series(name, [each["dateTime"] for each in samples], values, about, name)
+    return _Series(name, [sample["dateTime"] for sample in samples], values, qualifiers, name)
 
 
 def _names(series: list[_Series]) -> list[str]:
     """Return a name of each series, with as much about it as makes the name unique."""
-    names = [each.name for each in series]
-    for at in range(max(len(each.about) for each in series)):
-        found = Counter(names)
+    names = [column.name for column in series]
+    for at in range(max(len(column.qualifiers) for column in series)):
+        counts = Counter(names)
         names = [
-            f"{name}, {each.about[at]}" if found[name] > 1 else name
-            for name, each in zip(names, series, strict=True)
+            f"{name}, {column.qualifiers[at]}" if counts[name] > 1 else name
+            for name, column in zip(names, series, strict=True)
         ]
     return names
 
@@ -144,5 +144,5 @@ def _names(series: list[_Series]) -> list[str]:
 def _epoch_unit(time: np.ndarray) -> str:
     """Return the unit of times since 1970 that makes their years plausible; empty for none."""
     low, high = _PLAUSIBLE
-    known = ((unit, np.abs(time) * TIME_UNITS[unit]) for unit in ("s", "ms", "us", "ns"))
-    return next((unit for unit, t in known if low < np.min(t) and np.max(t) < high), "")
+    candidates = ((unit, np.abs(time) * TIME_UNITS[unit]) for unit in ("s", "ms", "us", "ns"))
+    return next((unit for unit, t in candidates if low < np.min(t) and np.max(t) < high), "")

@@ -270,19 +270,19 @@ class Columns:
     def _unit(self, column: int, options: RecordFile) -> str:
         """Return a column's unit, which an option, an attribute in the file or its name states."""
         key, spellings = (("time_unit", TIMES), ("speed_unit", SPEEDS))[column]
-        given, attribute = getattr(options, key), self.units[column]
+        option, attribute = getattr(options, key), self.units[column]
         named = named_unit(attribute, spellings) or named_unit(self.names[column], spellings)
-        if given is None and named is None:
+        if option is None and named is None:
             units = ", ".join(dict.fromkeys(spellings.values()))
             problem = f"has no unit that is known ({units})" + (attribute and f": {attribute}")
             example = ("time_s or time [h]", "speed_m_s or v [ft/s]")[column]
             remedy = f"give {key}, or name it with its unit, such as {example}"
             raise self.refuse_column(column, problem, remedy)
-        if given is not None and named not in (None, given):
-            problem = f"is in {named} by its own name or attributes, and in {given} by {key}"
+        if option is not None and named not in (None, option):
+            problem = f"is in {named} by its own name or attributes, and in {option} by {key}"
             remedy = f"correct {key} or the file, whichever is wrong"
             raise self.refuse_column(column, problem, remedy)
-        return str(given or named)
+        return str(option or named)
 
     def refuse_column(self, column: int, problem: str, remedy: str) -> InputError:
         """Return the error of a column.
@@ -462,5 +462,5 @@ def read_pairs(path: str | Path, columns: tuple[str, str]) -> tuple[Column, Colu
     text, begin = read_text(path, "table", MAX_BYTES), f"a header with {','.join(columns)}"
     table, words = Csv(text, path, begin, columns), {*"_".join(columns).split("_")}
     plain = all(name.isalpha() and name.lower() not in words for name in table.header)
-    own = plain and len({*table.header}) == len(table.header) == 2
-    return tuple(table.columns(table.header if own else columns, "table").values())
+    by_order = plain and len({*table.header}) == len(table.header) == 2
+    return tuple(table.columns(table.header if by_order else columns, "table").values())

@@ -138,8 +138,8 @@ def _from_dataset(data: Any, options: RecordFile) -> Columns:
     dates = [name for name in vectors if name in data.dims and data[name].dtype.kind == "M"]
     times = [name for name in ("time", "dateTime") if name in vectors] + dates
     if options.speed_column in data.data_vars:  # a variable may have a time of its own
-        own = data[options.speed_column].dims
-        times = [name for name in times if data[name].dims[0] in own]
+        dimensions = data[options.speed_column].dims
+        times = [name for name in times if data[name].dims[0] in dimensions]
     plain = len(set(times)) == 1 or (times and times[0] in ("time", "dateTime"))
     default = times[0] if plain else None
     chosen = options.time_column or default
@@ -168,8 +168,8 @@ def _profile(raw: Columns, dimension: Any, options: RecordFile) -> Columns:
     """Return columns with the speed of a variable, averaged over bins, and its two components."""
     speed: Any = raw.speed
     others = [name for name in speed.dims if name != dimension]
-    known = [name for name in others if name in speed.coords]
-    labelled = [name for name in known if name == "dir" or speed[name].dtype.kind in "USOT"]
+    coordinates = [name for name in others if name in speed.coords]
+    labelled = [name for name in coordinates if name == "dir" or speed[name].dtype.kind in "USOT"]
     bins = [name for name in others if name not in labelled]
     if len(bins) > 1 or options.bins is None:  # such as one latitude and one longitude
         speed = speed.squeeze([name for name in bins if speed.sizes[name] == 1])
@@ -187,7 +187,7 @@ def _profile(raw: Columns, dimension: Any, options: RecordFile) -> Columns:
         kind = "component" if len(chosen) == 1 else f"{horizontal}speed of"
         messages.append(f"{speed.name}: {kind} {' and '.join(chosen)}")
     for name in bins:
-        numbers = name in known and speed[name].dtype.kind in "iuf" and speed[name].size
+        numbers = name in coordinates and speed[name].dtype.kind in "iuf" and speed[name].size
         if not numbers:
             remedy = f"give {name} its values in metres"
             raise raw.refuse_column(1, f"has no distances along {name}", remedy)
@@ -210,9 +210,9 @@ def _profile(raw: Columns, dimension: Any, options: RecordFile) -> Columns:
     if len(arrays) == 2:
         arrays.append(np.hypot(*arrays))
     *components, size = (np.mean(array, axis=1) if bins else array for array in arrays)
-    both = np.stack(components) if components else None
+    velocity = np.stack(components) if components else None
     axes = ("component",) * bool(labelled) + ("bins",) * bool(bins)
-    return replace(raw, speed=size, parts=both, messages=tuple(messages), axes=axes)
+    return replace(raw, speed=size, parts=velocity, messages=tuple(messages), axes=axes)
 
 
 def _chosen_components(labels: list[str], raw: Columns, options: RecordFile) -> list[str]:

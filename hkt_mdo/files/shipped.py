@@ -124,8 +124,8 @@ def nearest_names(name: str, kind: str) -> str:
     str
         The remedy.
     """
-    known = known_names(kind)
-    return f"{did_you_mean(name, known)}shipped: {', '.join(known)}; or give the path of a file"
+    names = known_names(kind)
+    return f"{did_you_mean(name, names)}shipped: {', '.join(names)}; or give the path of a file"
 
 
 # Cases -------------------------------------------------------------------------------------------

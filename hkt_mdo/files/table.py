@@ -569,14 +569,14 @@ class Csv:
         InputError
             If there are two, or none that is needed.
         """
-        found = [name for name in dict.fromkeys(self.header) if name in names]
-        if len(found) > 1:
-            problem = f"has two columns for the {quantity}: {found[0]} and {found[1]}"
+        matches = [name for name in dict.fromkeys(self.header) if name in names]
+        if len(matches) > 1:
+            problem = f"has two columns for the {quantity}: {matches[0]} and {matches[1]}"
             raise self.refuse(problem, "keep one of them")
-        if needed and not found:
+        if needed and not matches:
             remedy = f"name it {' or '.join(names)}, by its unit"
             raise self.refuse(f"lacks a column of the {quantity}", remedy)
-        return found[0] if found else ""
+        return matches[0] if matches else ""
 
     def check(self, names: Sequence[str], what: str) -> None:
         """Refuse a header that lacks a column.

@@ -189,16 +189,17 @@ class _Turbine:
         if count and number != math.floor(number):
             raise count.refuse("is no whole number", "give the number of blades")
         diameter = self.root.find("assembly.rotor_diameter")
-        own = 2.0 * tip * math.cos(cone)
+        swept = 2.0 * tip * math.cos(cone)
         # windIO's default of 0 says that it is not given
-        given = diameter and diameter.number(-EDGE, 1000.0, "give the rotor's diameter in metres")
-        error = abs(given / own - 1.0) if given and given > 0.0 else 0.0
+        stated = diameter and diameter.number(-EDGE, 1000.0, "give the rotor's diameter in metres")
+        error = abs(stated / swept - 1.0) if stated and stated > 0.0 else 0.0
         if error > DIAMETER_OFF:
-            problem = f"does not fit hub and blade, which give {own:.6g} m (WISDEM scales the axis)"
+            problem = f"does not fit hub and blade, which give {swept:.6g} m"
+            problem += " (WISDEM scales the axis)"
             remedy = "delete it, or correct hub or axis; rotor.radius scales all lengths and chords"
             raise diameter.refuse(problem, remedy)
         if error > DIAMETER_ROUNDED:
-            note = f"{given:.8g} m, but hub and blade give {own:.8g} m, which is taken"
+            note = f"{stated:.8g} m, but hub and blade give {swept:.8g} m, which is taken"
             self.messages.append(f"assembly.rotor_diameter = {note}")
         return number and int(number)
 
@@ -282,8 +283,7 @@ class _Turbine:
             problem = "has lift and drag at angles that do not overlap"
             raise place.refuse(problem, "give both over one grid")
         if any(grid.size != alpha.size for grid in grids):
-            note = "coefficients on different grids are joined linearly"
-            self.messages.append(f"{section}: {note}")
+            self.messages.append(f"{section}: coefficients on different grids are joined linearly")
         arrays = {"alpha" if version.number == 2 else "alpha_rad": alpha}
         arrays |= {name: np.interp(alpha, *curve) for name, curve in curves.items()}
         number = place.find("re")

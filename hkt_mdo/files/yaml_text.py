@@ -387,14 +387,14 @@ def compose(text: str, file: object, key: str = "", *, case: bool = False) -> ya
         root = yaml.compose(text, Loader=loader)
     except (yaml.YAMLError, ValueError, OverflowError) as error:
         mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
-        place = _shown(mark) if mark else key
+        where = _shown(mark) if mark else key
         if not mark and hasattr(error, "position"):
-            place = f"line {text.count(chr(10), 0, error.position) + 1}"
+            where = f"line {text.count(chr(10), 0, error.position) + 1}"
         reason = getattr(error, "problem", None) or getattr(error, "reason", None) or error
         problem, remedy = f"cannot be read as YAML: {reason}", "correct it there"
         if "nesting depth" in problem:  # libyaml of PyYAML 6.0.4 looks ahead and has a limit too
             problem, remedy = _TOO_DEEP
-        raise InputError(problem, remedy, file=file, key=place) from None
+        raise InputError(problem, remedy, file=file, key=where) from None
     if root is not None:
         _check_keys(Place(root, key, file), case, set())
     return root

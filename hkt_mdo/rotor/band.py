@@ -39,7 +39,7 @@ def place_shares(places):
     ndarray of shape (n_stations,)
         Their sum is one.
     """
-    return np.array([np.interp(PLACE, places, each) for each in np.eye(places.size)])
+    return np.array([np.interp(PLACE, places, row) for row in np.eye(places.size)])
 
 
 def fast_share(places):
@@ -219,20 +219,20 @@ class Band:
         """
         wake = bem.sections(blade, rotor.polar, self.nodes, derivatives)
         repeated = bem.Sections(
-            *(np.repeat(each, FACTORS.size, axis=0) for each in wake[:-1]),
+            *(np.repeat(state, FACTORS.size, axis=0) for state in wake[:-1]),
             np.repeat(wake.derivatives, FACTORS.size, axis=2) if derivatives else np.empty(0),
         )
         ratio = np.outer(self.nodes, FACTORS).ravel()
         wakes = np.repeat(self.nodes, FACTORS.size)
         flow = bem.sections_behind(blade, rotor.polar, repeated, wakes, ratio)
-        found = {
+        tables = {
             **rotor.tables(blade, self.nodes, ["torque_coefficient"], derivatives, wake),
             "wake_induction": _induction(blade, self.weights, wake),
             "place_induction": _induction(blade, self.places, wake),
         }
         bands = rotor.tables(blade, ratio, names, derivatives, flow)
-        found = {f"{name}_table": table for name, table in found.items()}
-        return found | {f"{name}_band": table for name, table in bands.items()}
+        tables = {f"{name}_table": table for name, table in tables.items()}
+        return tables | {f"{name}_band": table for name, table in bands.items()}
 
 
 def _induction(blade, weights, flow):

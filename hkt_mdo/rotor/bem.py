@@ -543,8 +543,8 @@ def _state_under(blade, tip_speed_ratio, induced, polar, followed=0.0):
         turned = np.cos(phi) * normal.imag - np.sin(phi) * tangential.imag
         phi = phi + 1j * turned / np.sqrt(squared.real)
     alpha, sine, cosine = phi - blade.twist, np.sin(phi), np.cos(phi)
-    found = polar.along("coefficients", blade, tip_speed_ratio, alpha)
-    lift, drag = blade.chord * squared * (found[0] + followed * found[2])
+    values, _, by_followed = polar.along("coefficients", blade, tip_speed_ratio, alpha)
+    lift, drag = blade.chord * squared * (values + followed * by_followed)
     loads = lift * cosine + drag * sine, lift * sine - drag * cosine
     return phi, alpha, axial, swirl / lambda_r, np.sqrt(squared), *loads
 
@@ -572,10 +572,10 @@ def sections_behind(blade, polar, wake, wake_ratio, tip_speed_ratio):
         those by the tip speed ratio with the wake unchanged, the others with the wake of the
         changed blade.
     """
-    found = sections_with(blade, polar, tip_speed_ratio, induced_speeds(blade, wake, wake_ratio))
+    flow = sections_with(blade, polar, tip_speed_ratio, induced_speeds(blade, wake, wake_ratio))
     if not wake.derivatives.size:
-        return found
-    derivatives = np.zeros((4, len(INPUTS), *found.inflow_angle.shape))
+        return flow
+    derivatives = np.zeros((4, len(INPUTS), *flow.inflow_angle.shape))
     for column in range(len(INPUTS)):
         step = 1j * STEP * (np.arange(len(INPUTS)) == column)
         angle, speed = wake.derivatives[2:, column] * (column > 0)
@@ -588,7 +588,7 @@ def sections_behind(blade, polar, wake, wake_ratio, tip_speed_ratio):
         state = _state_under(moved, tip_speed_ratio + step[0], induced, polar, step[3])
         phi, *_, speed, normal, tangential = state
         derivatives[:, column] = np.imag((tangential, normal, phi, speed)) / STEP
-    return found._replace(derivatives=derivatives)
+    return flow._replace(derivatives=derivatives)
 
 
 def induced_speeds(blade, flow, tip_speed_ratio):

@@ -217,5 +217,5 @@ def best_sections(blade, polar, tip_speed_ratio, bounds):
     points = bem._points(tip_speed_ratio)
     r, _, _, *ends, polars, section, _ = bem._arguments(blade, polar, points)
     lambda_r = points[:, None] * r / blade.rotor_radius
-    both = (tuple(map(float, bounds[name])) for name in ("chord", "twist"))
-    return _solve(lambda_r, r, tuple(ends), polars, section, *both)
+    limits = (tuple(map(float, bounds[name])) for name in ("chord", "twist"))
+    return _solve(lambda_r, r, tuple(ends), polars, section, *limits)

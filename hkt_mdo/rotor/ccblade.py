@@ -82,10 +82,10 @@ def ccblade(blade, polar, derivatives=False):
     InputError
         If WISDEM is not installed.
     """
-    place = {"key": "hydrodynamics.bem", "value": "ccblade"}
-    wisdem = needed("wisdem.ccblade.ccblade", "pip install wisdem, or choose vectorized", **place)
-    polars = [each for (each,) in polar.stations(blade)]
+    setting = {"key": "hydrodynamics.bem", "value": "ccblade"}
+    wisdem = needed("wisdem.ccblade.ccblade", "pip install wisdem, or choose vectorized", **setting)
+    polars = [table for (table,) in polar.stations(blade)]
     stations = blade.r, blade.chord, np.rad2deg(blade.twist), polars
-    about = {"B": blade.blade_count, "precone": np.rad2deg(blade.cone), "derivatives": derivatives}
+    rotor = {"B": blade.blade_count, "precone": np.rad2deg(blade.cone), "derivatives": derivatives}
     water = {"rho": 1.0, "mu": 1.0, "shearExp": 0.0}
-    return wisdem.CCBlade(*stations, blade.hub_radius, blade.tip_radius, **about, **water)
+    return wisdem.CCBlade(*stations, blade.hub_radius, blade.tip_radius, **rotor, **water)

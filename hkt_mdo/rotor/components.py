@@ -165,7 +165,7 @@ class TablesComp(BladeComp):
 
     def setup(self):
         super().setup()
-        self._known = b"", {}
+        self._latest = b"", {}
         rows = np.arange(self._nodes.size)
         if self._vary:
             self.add_input("tip_speed_ratio", val=self._nodes, desc="Omega R / V of the disc")
@@ -178,14 +178,14 @@ class TablesComp(BladeComp):
     def _tables(self, inputs):
         """Return the tables by name, with their derivatives, which an optimizer asks for next."""
         at = inputs.asarray().tobytes()
-        if at != self._known[0]:
+        if at != self._latest[0]:
             refuse_complex_step(self)
             refuse_values(inputs)
             shape = {name: inputs[name] for name in self._inputs_of_blade if name != "rotor_radius"}
             blade = self._blade.with_rotor_radius(inputs["rotor_radius"][0]).with_shape(**shape)
             ratio = inputs["tip_speed_ratio"] if self._vary else self._nodes
-            self._known = at, self._solve(blade, ratio)
-        return self._known[1]
+            self._latest = at, self._solve(blade, ratio)
+        return self._latest[1]
 
     def _solve(self, blade, ratio):
         """Return the tables of a blade over tip speed ratios."""
@@ -193,8 +193,8 @@ class TablesComp(BladeComp):
         weight = {"weight_stress": rotor.weight_stress(blade).envelope()} if self._weight else {}
         if self._band is not None:
             return weight | self._band.solve(rotor, blade, self._names, derivatives=True)
-        found = rotor.tables(blade, ratio, self._names, derivatives=True)
-        return weight | {f"{name}_table": table for name, table in found.items()}
+        tables = rotor.tables(blade, ratio, self._names, derivatives=True)
+        return weight | {f"{name}_table": table for name, table in tables.items()}
 
     def compute(self, inputs, outputs):
         for name, table in self._tables(inputs).items():
@@ -202,9 +202,9 @@ class TablesComp(BladeComp):
 
     def compute_partials(self, inputs, partials):
         by_ratio = ["tip_speed_ratio"] if self._vary else []
-        for table, found in self._tables(inputs).items():
+        for output, table in self._tables(inputs).items():
             for name in (*self._inputs_of_blade, *by_ratio):
-                partials[table, name] = getattr(found, f"by_{name}")
+                partials[output, name] = getattr(table, f"by_{name}")
 
 
 class InertiaComp(BladeComp):
@@ -238,8 +238,8 @@ class InertiaComp(BladeComp):
         for name, value in inputs.items():
             moved = value + 1j * bem.STEP * np.eye(value.size)
             moved = self._evaluate(inputs, **{name: moved[0, 0] if name in _SCALARS else moved})
-            for output, each in moved.items():
-                partials[output, name] = np.imag(each) / bem.STEP
+            for output, result in moved.items():
+                partials[output, name] = np.imag(result) / bem.STEP
 
 
 class BladeGroup(om.Group):

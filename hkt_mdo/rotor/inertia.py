@@ -102,8 +102,8 @@ def mass_and_inertia(blade, section_area, density, hub_inertia=0.0):
     area = spread(blade, section_area) * spread(blade, blade.chord) ** 2
     line = WEIGHTS * np.diff(blade.edges) * blade.blade_count * density * area
     arm = between(blade.edges) * np.cos(blade.cone)
-    both = (-2, -1)  # points of Gauss's rule, and intervals
-    return RotorMass(np.sum(line, axis=both), np.sum(line * arm**2, axis=both) + hub_inertia)
+    axes = (-2, -1)  # points of Gauss's rule, and intervals
+    return RotorMass(np.sum(line, axis=axes), np.sum(line * arm**2, axis=axes) + hub_inertia)
 
 
 def water_inertia(blade, density, thickness=0.0):

@@ -150,16 +150,16 @@ class LoadModel:
             raise ValueError(f"the model gives no {', '.join(missing)}")
         ratio = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
         flow = bem.sections(blade, self.polar, ratio, derivatives) if flow is None else flow
-        found = {name: _LOADS[name](self, blade, flow, ratio) for name in names}
+        loads = {name: _LOADS[name](self, blade, flow, ratio) for name in names}
         if flow.derivatives.size:
-            return found
-        return {name: load._replace(slopes=None) for name, load in found.items()}
+            return loads
+        return {name: load._replace(slopes=None) for name, load in loads.items()}
 
     def _beam(self, blade):
         """Return the blade at the places of `place_weights`, its structure, its rate; and these."""
         weights = place_weights(blade.r.size)
-        given = {name: getattr(blade, name) for name in ("r", "chord", "twist", "thickness")}
-        fine = replace(blade, **{name: weights @ x for name, x in given.items() if x is not None})
+        shape = {name: getattr(blade, name) for name in ("r", "chord", "twist", "thickness")}
+        fine = replace(blade, **{name: weights @ x for name, x in shape.items() if x is not None})
         return fine, *self.structure.at(fine.thickness), weights
 
     def _centrifugal(self, blade, ratio):
@@ -201,13 +201,13 @@ class LoadModel:
         """
         beam = fine, structure, *_ = self._beam(blade)
         excess = GRAVITY * (structure.density - self.water_density)
-        moment, *moment_by = (excess * each[..., 1:] for _, each in _outboard(beam, 0))
+        moment, *moment_by = (excess * bend[..., 1:] for _, bend in _outboard(beam, 0))
         exact, values, bent_by = _bent(beam, 0.0, moment[None])
 
         def slopes(share):
             _, by_moment, _, *by_shape = bent_by(share)
             pairs = zip(by_shape, moment_by, strict=True)
-            by_shape = [own + by_moment @ moment_x.T for own, moment_x in pairs]
+            by_shape = [slope + by_moment @ moment_x.T for slope, moment_x in pairs]
             by_radius = radius_slope(blade, np.sum(share * values, axis=1), by_shape[0], 1)
             return np.zeros(1), *by_shape, by_radius
 
@@ -278,8 +278,8 @@ class LoadModel:
         """
         fine, structure, *_ = self._beam(blade)
         r = between(fine.edges).ravel()
-        several = fine.chord, fine.twist, structure.xx, structure.yy, structure.xy
-        chord, twist, xx, yy, xy = (spread(fine, values).ravel() for values in several)
+        properties = fine.chord, fine.twist, structure.xx, structure.yy, structure.xy
+        chord, twist, xx, yy, xy = (spread(fine, values).ravel() for values in properties)
         weak, strong = _about_chord(*self.moments(blade, tip_speed_ratio, r), twist)
         bent = replace(structure, xx=xx, yy=yy, xy=xy).curvature(weak, strong, chord, twist)
         return bent @ ((WEIGHTS * np.diff(fine.edges)).ravel() * (blade.tip_radius - r))
@@ -361,7 +361,7 @@ def _thrust(_model, blade, flow, _ratio):
 def _moment(model, blade, flow, ratio):
     weights = np.cos(blade.cone) ** 2 * moment_weights(blade, np.array([blade.hub_radius]))[:, 0]
     _, rate, _, bends = model._centrifugal(blade, ratio)
-    bend, *by_shape = (rate * each[..., 0] for each in bends)
+    bend, *by_shape = (rate * term[..., 0] for term in bends)
     return _whole(blade, flow, weights, 3, bend, 2.0 / ratio[:, None] * bend, by_shape)
 
 
@@ -375,8 +375,8 @@ def _whole(blade, flow, weights, power, added=0.0, by_ratio=0.0, by_shape=(0.0, 
 
     def slopes(share):
         by = _by_flow(flow, share * weights, np.zeros(flow.normal_load.shape))
-        own = np.sum(share * by_ratio, axis=1), *(share * each for each in by_shape)
-        by = [each + other for each, other in zip(by, own, strict=True)]
+        of_added = np.sum(share * by_ratio, axis=1), *(share * slope for slope in by_shape)
+        by = [slope + other for slope, other in zip(by, of_added, strict=True)]
         return *by, radius_slope(blade, (share * values)[:, 0], by[1], power)
 
     return Load(r, values, values, slopes)
@@ -403,14 +403,14 @@ def _bent(beam, flapwise, edgewise, pull=0.0):
         by_thickness = share * (bending.by_thickness - tension / structure.area * change.area)
         by_moments = _about_chord(by_weak, by_strong, -fine.twist)
         by_places = by_chord, by_twist, by_thickness
-        return *by_moments, share / section, *(each @ weights for each in by_places)
+        return *by_moments, share / section, *(slope @ weights for slope in by_places)
 
     return bending.largest + np.real(tension), values, slopes
 
 
 def _stress(model, blade, flow, ratio):
-    beam, rate, *both = model._centrifugal(blade, ratio)
-    (pull, *pull_by), (bend, *bend_by) = ([each[..., 1:] for each in of] for of in both)
+    beam, rate, *integrals = model._centrifugal(blade, ratio)
+    (pull, *pull_by), (bend, *bend_by) = ([term[..., 1:] for term in terms] for terms in integrals)
     flapwise, edgewise = _moments(blade, flow, beam[0].r)
     exact, values, bent_by = _bent(beam, flapwise + rate * bend, edgewise, rate * pull)
 
@@ -442,16 +442,16 @@ def _outboard(beam, power):
     s, unit = between(fine.edges), WEIGHTS * np.diff(fine.edges)
 
     def integrals(area, chord, other):
-        area, chord, other = (spread(fine, each) for each in (area, chord, other))
+        area, chord, other = (spread(fine, values) for values in (area, chord, other))
         line = unit * area * chord * other * s**power
         lines = np.sum(line, axis=-2), np.sum(line * s, axis=-2)
-        pull, second = (np.cumsum(each[..., ::-1], axis=-1)[..., ::-1] for each in lines)
+        pull, second = (np.cumsum(sums[..., ::-1], axis=-1)[..., ::-1] for sums in lines)
         return np.stack((pull, second - fine.edges[:-1] * pull))
 
     by_chord = integrals(2.0 * structure.area, fine.chord, weights.T)
     by_thickness = integrals(change.area * weights.T, fine.chord, fine.chord)
-    found = integrals(structure.area, fine.chord, fine.chord)
-    return found, by_chord, np.zeros(by_chord.shape), by_thickness
+    values = integrals(structure.area, fine.chord, fine.chord)
+    return values, by_chord, np.zeros(by_chord.shape), by_thickness
 
 
 def _cavitation(model, blade, flow, ratio):
@@ -462,8 +462,8 @@ def _cavitation(model, blade, flow, ratio):
     static = model.water_density * GRAVITY * (model.depth - height)
     pressure = np.tile(ATMOSPHERIC - VAPOUR + static, 2)  # of both surfaces, beside each other
     lift = model.water_density * GRAVITY * np.tile(height, 2) / pressure
-    found = model.polar.along("suction", blade, ratio, flow.angle_of_attack)
-    suction, by_angle, by_followed = map(np.hstack, found)
+    surfaces = model.polar.along("suction", blade, ratio, flow.angle_of_attack)
+    suction, by_angle, by_followed = map(np.hstack, surfaces)
     speed, scale = np.tile(flow.relative_speed, 2), model.margin * cosine**2 / pressure
     values = scale * suction * speed**2
 

@@ -94,11 +94,11 @@ class RotorModel(LoadModel):
         """
         if flow is None:
             flow = bem.sections(blade, self.polar, tip_speed_ratio, derivatives)
-        about, found = (blade, tip_speed_ratio, derivatives), {}
+        arguments, tables = (blade, tip_speed_ratio, derivatives), {}
         if "torque_coefficient" in names:
-            found["torque_coefficient"] = self.coefficients(*about, flow).torque_table
-        loads = self.loads(*about, [name for name in names if name not in found], flow)
-        return found | {name: load.envelope() for name, load in loads.items()}
+            tables["torque_coefficient"] = self.coefficients(*arguments, flow).torque_table
+        loads = self.loads(*arguments, [name for name in names if name not in tables], flow)
+        return tables | {name: load.envelope() for name, load in loads.items()}
 
     def mass_and_inertia(self, blade):
         """Return mass and inertia of the rotor with a blade.

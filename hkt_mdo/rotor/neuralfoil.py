@@ -81,9 +81,9 @@ def compute_polars(
             np.asarray(result[key], dtype=float)
             for key in ("CL", "CD", "CM", "analysis_confidence")
         )
-        found = {"alpha_deg": degrees, "cl": lift, "cd": drag, "cm": moment}
-        found |= zip(SURFACES, -potential_suction(outline, alpha, lift), strict=True)
-        table = polar_table(array_columns(name, **found), number)
+        columns = {"alpha_deg": degrees, "cl": lift, "cd": drag, "cm": moment}
+        columns |= zip(SURFACES, -potential_suction(outline, alpha, lift), strict=True)
+        table = polar_table(array_columns(name, **columns), number)
         return ComputedPolar(table, confidence)
 
     return tuple(map(polar, reynolds))

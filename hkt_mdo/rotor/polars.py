@@ -69,7 +69,7 @@ class Polars:
         Polars
             Of the same kind.
         """
-        tables = tuple(tuple(each.scaled(lift, drag) for each in own) for own in self.tables)
+        tables = tuple(tuple(polar.scaled(lift, drag) for polar in row) for row in self.tables)
         return replace(self, tables=tables)
 
     def at_station(self, station):
@@ -105,9 +105,9 @@ class Polars:
         ValueError
             If there are neither polars for all stations nor for each.
         """
-        return self._each(blade.r.size)
+        return self._by_station(blade.r.size)
 
-    def _each(self, n_stations):
+    def _by_station(self, n_stations):
         """Return the tables of every station."""
         tables = self.tables * n_stations if len(self.tables) == 1 else self.tables
         if len(tables) != n_stations:
@@ -137,10 +137,10 @@ class Polars:
         ValueError
             As of `stations`.
         """
-        each = self._each(n_stations)
-        places = {tables: i * len(tables) for i, tables in enumerate(dict.fromkeys(each))}
-        curves = stacked(tuple(polar for tables in places for polar in tables), name)
-        return curves, np.array([places[tables] for tables in each])
+        by_station = self._by_station(n_stations)
+        firsts = {tables: i * len(tables) for i, tables in enumerate(dict.fromkeys(by_station))}
+        curves = stacked(tuple(polar for tables in firsts for polar in tables), name)
+        return curves, np.array([firsts[tables] for tables in by_station])
 
     def along(self, name, blade, tip_speed_ratio, angle_of_attack):
         """Return lift and drag of a blade's sections, or -Cp min of both surfaces, and slopes.

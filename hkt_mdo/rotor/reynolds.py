@@ -59,8 +59,8 @@ class LocalReynolds(Polars):
             remedy = "give a CSV file with the column reynolds, or rotor.reynolds: invariant"
             raise InputError(problem, remedy, key="rotor.reynolds", value="local")
         tables = {family: tuple(family.at(number) for number in numbers) for family in families}
-        each = tuple(tables[family] for family in families)
-        return cls(np.log(numbers), each, flow_speed, viscosity)
+        by_station = tuple(tables[family] for family in families)
+        return cls(np.log(numbers), by_station, flow_speed, viscosity)
 
     @cached_property
     def _cardinal(self):

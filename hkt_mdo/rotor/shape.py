@@ -220,10 +220,10 @@ class Shape:
             In m, rad and over the chord, by the names of `offsets`.
         """
         moves = {name: basis @ control[name] for name, basis in self.bases.items()}
-        found = {name: offset + moves.get(name, 0.0) for name, offset in self.offsets.items()}
+        values = {name: offset + moves.get(name, 0.0) for name, offset in self.offsets.items()}
         if not self.designs_chord:
-            found["chord"] = found["chord"] * (rotor_radius / self.blade.rotor_radius)
-        return found
+            values["chord"] = values["chord"] * (rotor_radius / self.blade.rotor_radius)
+        return values
 
     def at(self, control, rotor_radius=None):
         """Return the blade of control points (m, rad, over chord) and a radius of the disc (m).
@@ -272,5 +272,5 @@ class Shape:
         Blade
             The nearest blade.
         """
-        found = self.at(self.within(blade), blade.rotor_radius)
-        return replace(found, hub_inertia=blade.hub_inertia)
+        nearest = self.at(self.within(blade), blade.rotor_radius)
+        return replace(nearest, hub_inertia=blade.hub_inertia)

@@ -90,9 +90,9 @@ def best_rotor(blade, polar, bounds):
         starts = _candidates(blade, polar, ratios, bounds, SCAN)
         power = [_power(start, polar, ratio) for start, ratio in zip(starts, ratios, strict=True)]
         padded = np.array([-np.inf, *power, -np.inf])
-        places = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
-        places = places[np.argsort(padded[places + 1])[-count:]]
-        return [(starts[peak], ratios[max(peak - 1, 0) : peak + 2]) for peak in places]
+        indices = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
+        indices = indices[np.argsort(padded[indices + 1])[-count:]]
+        return [(starts[peak], ratios[max(peak - 1, 0) : peak + 2]) for peak in indices]
 
     def refined(start, near):
         # the best optimum between the ratios, by continuation from a blade
@@ -177,11 +177,11 @@ def _candidates(blade, polar, ratios, bounds, grid=GRID):
         _, *shape = _best_stations(blade, polar, ratios, bounds, grid)
     else:
         tried = np.linspace(*polar.bounds, THICKNESSES)
-        each = [_best_stations(blade, one, ratios, bounds, grid) for one in polar.at(tried)]
-        load, chord, twist = np.stack(each, axis=1)
+        optima = [_best_stations(blade, one, ratios, bounds, grid) for one in polar.at(tried)]
+        load, chord, twist = np.stack(optima, axis=1)
         best = np.argmax(load, axis=0)
         shape = *(np.choose(best, x) for x in (chord, twist)), tried[best]
-    return [blade.with_shape(*own) for own in zip(*shape, strict=True)]
+    return [blade.with_shape(*values) for values in zip(*shape, strict=True)]
 
 
 def _best_stations(blade, polar, ratios, bounds, grid):
@@ -191,21 +191,21 @@ def _best_stations(blade, polar, ratios, bounds, grid):
     a section than the best, the best of a grid of chord (geometric) and twist.
     """
     reached = np.zeros((ratios.size, blade.r.size), dtype=bool)
-    found = np.empty((3, *reached.shape))
+    optima = np.empty((3, *reached.shape))
     if not polar.follows_reynolds:
-        found = best_sections(blade, polar, ratios, bounds)
-        for at, (load, *shape) in enumerate(found.swapaxes(0, 1)):
-            own = bem.sections(blade.with_shape(*shape), polar, ratios[at]).tangential_load[0]
-            reached[at] = own >= load - 1e-9 * np.abs(load)
-    each = np.geomspace(*bounds["chord"], grid[0]), np.linspace(*bounds["twist"], grid[1])
-    chords, twists = (x.ravel() for x in np.meshgrid(*each, indexing="ij"))
+        optima = best_sections(blade, polar, ratios, bounds)
+        for at, (load, *shape) in enumerate(optima.swapaxes(0, 1)):
+            solved = bem.sections(blade.with_shape(*shape), polar, ratios[at]).tangential_load[0]
+            reached[at] = solved >= load - 1e-9 * np.abs(load)
+    axes = np.geomspace(*bounds["chord"], grid[0]), np.linspace(*bounds["twist"], grid[1])
+    chords, twists = (x.ravel() for x in np.meshgrid(*axes, indexing="ij"))
     for j in np.flatnonzero(~reached.all(axis=0)):
         few = ~reached[:, j]
         strip = replace(blade, r=np.full(chords.size, blade.r[j]), chord=chords, twist=twists)
         load = bem.sections(strip, polar.at_station(j), ratios[few]).tangential_load
         best = np.argmax(load, axis=1)
-        found[:, few, j] = load.max(axis=1), chords[best], twists[best]
-    return found
+        optima[:, few, j] = load.max(axis=1), chords[best], twists[best]
+    return optima
 
 
 def nearest_optimum(start, polar, tip_speed_ratio, bounds, tolerance):
@@ -287,10 +287,10 @@ def _newton_step(slope, bend, room, radius):
     return np.clip(step, *room)
 
 
-def _peak(optimum, places, powers):
+def _peak(optimum, points, powers):
     """Return the best optimum next to the place with the largest power coefficient."""
     at = int(np.argmax(powers))
-    return _bracketed(optimum, places[max(at - 1, 0) : at + 2])
+    return _bracketed(optimum, points[max(at - 1, 0) : at + 2])
 
 
 def _bracketed(optimum, near):

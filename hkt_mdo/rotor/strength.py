@@ -154,8 +154,8 @@ class Structure:
         u, v = self._gradient(weak, strong, d)
         rate = self.at()[1] if rate is None else rate
         added = np.full(u.shape, np.real(tension))
-        about, largest = _norms_around(u, v, added, self.points, rate.points, EXPONENT)
-        smooth, by_u, by_v, by_points = about
+        norms, largest = _norms_around(u, v, added, self.points, rate.points, EXPONENT)
+        smooth, by_u, by_v, by_points = norms
         by_weak = (self.xy * by_u - self.yy * by_v) / d
         by_strong = (self.xx * by_u - self.xy * by_v) / d
         u_t, v_t = rate._gradient(weak, strong, d)
@@ -241,7 +241,7 @@ class StructureByThickness:
         if wall is not None:
             wall = np.clip(over_thickness(thickness, wall)(at), np.min(wall), np.max(wall))
         given = None if given is None else over_thickness(thickness, given)(at)
-        numbers, points = _tabulated([Outline.of_sides(*each) for each in along], wall, given, True)
+        numbers, points = _tabulated([Outline.of_sides(*rows) for rows in along], wall, given, True)
         table = np.hstack((numbers, points.reshape(at.size, -1)))
         return cls(thickness, CubicSpline(at, table), float(density), modulus)
 
@@ -275,12 +275,12 @@ class StructureByThickness:
         structure, rate : Structure
             At the places.
         """
-        found = []
+        structures = []
         for order in (0, 1):
             table = self.numbers(thickness, order)
             points = table[:, 4:].reshape(table.shape[0], 2, -1)
-            found.append(Structure(*table[:, :4].T, points, self.density, self.modulus))
-        return tuple(found)
+            structures.append(Structure(*table[:, :4].T, points, self.density, self.modulus))
+        return tuple(structures)
 
 
 def place_weights(n_stations):
@@ -418,7 +418,7 @@ def material_section(outline, wall=None):
 def _tabulated(outlines, walls, given, same=False):
     """Return area and second moments (n, 4), or those given, and the `_governing` points."""
     walls = [None] * len(outlines) if walls is None else walls
-    sections = [material_section(*each) for each in zip(outlines, walls, strict=True)]
+    sections = [material_section(*pair) for pair in zip(outlines, walls, strict=True)]
     numbers = np.array([(area, *moments) for area, moments, _ in sections])
     if given is not None:
         numbers[:, : given.shape[1]] = given
@@ -431,7 +431,7 @@ def _governing(shapes, same=False):
     In every direction of the stress' gradient their reach, of either sign, is that of the whole
     outline or up to `POINT_ERROR` more. The same directions are taken in all outlines; with `same`,
     the same points, where outlines have points at the same fractions of the chord. The shape is
-    (n_outlines, 2, n_kept).
+    (n_outlines, 2, n_governing).
     """
     size = np.max([np.max(np.abs(points), axis=0) for points in shapes], axis=0)
     angle = np.linspace(0.0, np.pi, 721)[:-1]
@@ -439,13 +439,13 @@ def _governing(shapes, same=False):
     reaches = [np.abs(points @ directions) for points in shapes]
     reach = np.array([reaching.max(axis=0) for reaching in reaches])
     farthest = np.array([reaching.argmax(axis=0) for reaching in reaches])
-    kept, covered = [], np.zeros(reach.shape)
+    governing, covered = [], np.zeros(reach.shape)
     while (least := np.min(covered / reach)) < 1.0 - POINT_ERROR:
         if same:
             indices = [farthest.ravel()[np.argmin(covered / reach)]] * len(shapes)
         else:
             indices = farthest[:, np.argmin(np.min(covered / reach, axis=0))]
         points = [shape[index] for shape, index in zip(shapes, indices, strict=True)]
-        kept.append(np.array(points))
-        covered = np.maximum(covered, np.abs(kept[-1] @ directions))
-    return np.stack(kept, axis=-1) / least
+        governing.append(np.array(points))
+        covered = np.maximum(covered, np.abs(governing[-1] @ directions))
+    return np.stack(governing, axis=-1) / least

@@ -100,8 +100,8 @@ class ByThickness(Polars):
         ndarray of shape (2, n_stations, 1, n_sections)
             The same at all points.
         """
-        each = self._cardinal(blade.thickness), self._cardinal(blade.thickness, 1)
-        return np.stack(each)[:, :, None]
+        weights, slopes = self._cardinal(blade.thickness), self._cardinal(blade.thickness, 1)
+        return np.stack((weights, slopes))[:, :, None]
 
     def stations(self, blade):
         return tuple((polar,) for polar in self.at(blade.thickness))
