@@ -42,8 +42,8 @@ _PANELS = {
 def _documented(command: Callable[..., None]) -> str:
     """Return the help of a command, its docstring; the parameters there are that of its options."""
     text, _, parameters = inspect.cleandoc(command.__doc__ or "").partition("\n\nParameters\n")
-    for name, told in re.findall(r"^(\w+)\n((?:    .*\n?)+)", parameters, re.MULTILINE):
-        get_args(command.__annotations__[name])[1].help = " ".join(told.split())
+    for name, meaning in re.findall(r"^(\w+)\n((?:    .*\n?)+)", parameters, re.MULTILINE):
+        get_args(command.__annotations__[name])[1].help = " ".join(meaning.split())
     return re.sub(r"(?<!\n)\n(?!\n)", " ", text)  # a line end within a paragraph is a blank
 
 
@@ -91,44 +91,44 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # a path may hold what the terminal's encoding does not
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
-    given, begin = [*(sys.argv[1:] if arguments is None else arguments)], []
-    while "--extend" in given[:-1]:  # wherever it stands it is an option of hkt
-        at = given.index("--extend")
-        begin += given[at : at + 2]
-        del given[at : at + 2]
+    rest, begin = [*(sys.argv[1:] if arguments is None else arguments)], []
+    while "--extend" in rest[:-1]:  # wherever it stands it is an option of hkt
+        at = rest.index("--extend")
+        begin += rest[at : at + 2]
+        del rest[at : at + 2]
 
     parts.SAVED.set(lambda: "nothing was saved")
     try:
         with warnings.catch_warnings(), interrupts_of_compiled_code():
             # those of libraries; OpenMDAO sets its own filters when it is imported
             warnings.showwarning = lambda *_, **__: None
-            typer.main.get_command(app)(args=[*begin, *given], prog_name="hkt")
+            typer.main.get_command(app)(args=[*begin, *rest], prog_name="hkt")
         return 0
     except SystemExit as leaving:
         code = leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
         if code != parts.INTERRUPTED:
             return code
-        told = parts.SAVED.get()()
+        text = parts.SAVED.get()()
     except KeyboardInterrupt:
-        code, told = parts.INTERRUPTED, parts.SAVED.get()()
+        code, text = parts.INTERRUPTED, parts.SAVED.get()()
     except InputError as error:
-        code, told = parts.BAD_INPUT, str(error)
+        code, text = parts.BAD_INPUT, str(error)
     except OSError as error:
-        place = f"{error.filename}: " if error.filename else ""
+        file = f"{error.filename}: " if error.filename else ""
         reason = error.strerror or str(error) or type(error).__name__
-        code, told = parts.BAD_INPUT, f"{place}cannot be read or written ({reason})"
+        code, text = parts.BAD_INPUT, f"{file}cannot be read or written ({reason})"
     except MemoryError:
-        code, told = parts.BAD_INPUT, "out of memory; give fewer phase.segments"
+        code, text = parts.BAD_INPUT, "out of memory; give fewer phase.segments"
     except Exception as error:
         if os.environ.get("HKT_TRACEBACK"):
             raise
         what = f"{type(error).__name__}: {error}"
-        code, told = parts.BUG, f"{what} (an error of this program; HKT_TRACEBACK=1 shows where)"
+        code, text = parts.BUG, f"{what} (an error of this program; HKT_TRACEBACK=1 shows where)"
         if isinstance(error, ImportError) and "OPENMDAO_USE_MPI" in what:
-            told = "the environment variable OPENMDAO_USE_MPI is set, and mpi4py cannot be imported"
-            code, told = parts.BAD_INPUT, f"{told}; unset the variable, or install mpi4py"
+            text = "the environment variable OPENMDAO_USE_MPI is set, and mpi4py cannot be imported"
+            code, text = parts.BAD_INPUT, f"{text}; unset the variable, or install mpi4py"
     finally:
         if arguments is None:
             gc.freeze()  # the process ends: scanning all objects again takes most of a second
-    parts.complain("interrupted" if code == parts.INTERRUPTED else "error", told)
+    parts.complain("interrupted" if code == parts.INTERRUPTED else "error", text)
     return code

@@ -63,8 +63,8 @@ def check(
     except InputError as error:  # found only when the parts of the case meet
         error.file = error.file or str(case)
         raise
-    told = report.tables | {"Notes": report.notes, "Warnings": report.warnings}
-    parts.print_tables(told, as_json, as_csv)
+    tables = report.tables | {"Notes": report.notes, "Warnings": report.warnings}
+    parts.print_tables(tables, as_json, as_csv)
     if out and not no_figures:
         from hkt_mdo.run.check_figures import save_check_figures
 
@@ -155,8 +155,8 @@ def polar(
     """
     from hkt_mdo.cli.polar_report import parse_alpha, parse_reynolds, report_polars
 
-    given = outline, parse_reynolds(reynolds), parse_alpha(alpha), out, n_crit, model
-    parts.print_lines(report_polars(*given, beside or (), force))
+    inputs = outline, parse_reynolds(reynolds), parse_alpha(alpha), out, n_crit, model
+    parts.print_lines(report_polars(*inputs, beside or (), force))
 
 
 def resource(

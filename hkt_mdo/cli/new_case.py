@@ -51,7 +51,7 @@ def write_new_case(path: str | Path, kind: str = "paper", *, force: bool = False
         values["rotor"] = {"blade": "river"}
         values["inflow"] = {"profile": "record", "file": record.name}
         texts[record] = read_text(Path(__file__).with_name("sample_record.csv"), "record")
-    about = {"file": path, "about": KINDS[kind], "keys": commented_case(values, _USUAL)}
-    text = templates(Path(__file__).parent).get_template("new_case.yaml").render(about)
+    fields = {"file": path, "about": KINDS[kind], "keys": commented_case(values, _USUAL)}
+    text = templates(Path(__file__).parent).get_template("new_case.yaml").render(fields)
     read_case(text, file=str(path), check_files=False)
     return write_new({path: text} | texts, force)

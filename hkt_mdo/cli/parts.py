@@ -98,13 +98,13 @@ def print_tables(tables: dict[str, list[Row]], as_json: bool = False, as_csv: bo
 
 def _print_table(rows: list[Row], title: str) -> None:
     """Print rows below a title, a line each where it is no terminal; brackets are no markup."""
-    told = [(row.label or "-", row.text) for row in rows]
-    console, wide = Console(highlight=False), max((len(label) for label, _ in told), default=0)
+    cells = [(row.label or "-", row.text) for row in rows]
+    console, wide = Console(highlight=False), max((len(label) for label, _ in cells), default=0)
     if not console.is_terminal:
-        echo("\n".join([f"\n{title}", *(f" {x:<{wide}}  {y}" for x, y in told)]))
+        echo("\n".join([f"\n{title}", *(f" {x:<{wide}}  {y}" for x, y in cells)]))
         return
     table = Table(box=None, show_header=False, pad_edge=True, padding=(0, 1))
-    for (label, text), row in zip(told, rows, strict=True):
+    for (label, text), row in zip(cells, rows, strict=True):
         style = _STYLES.get(row.severity, "")
         table.add_row(Text(label, style or "cyan", no_wrap=True), Text(text, style))
     console.print(Text(f"\n{title}", style="bold"))

@@ -53,8 +53,8 @@ def report_resource(
     speed, share = in_bins(samples.speed, samples.share, record.bin_width)
     rows = zip(speed, HOURS * share, strict=True)
     table = csv_text(["speed_m_s", "hours"], ([f"{x:.10g}" for x in row] for row in rows))
-    kept = record.model_dump(mode="json", exclude_defaults=True, include={*Resource.model_fields})
-    section = dump({"resource": {"profile": "histogram", "file": "resource.csv"} | kept})
+    fields = record.model_dump(mode="json", exclude_defaults=True, include={*Resource.model_fields})
+    section = dump({"resource": {"profile": "histogram", "file": "resource.csv"} | fields})
     if length < 0.98 * YEAR:
         note = f"# The record has {span_words(length)}, which may be unlike the rest of a year.\n"
         section = note + section
@@ -64,11 +64,11 @@ def report_resource(
     if asked:
         names = [] if asked.strip() == "auto" else [name.strip() for name in asked.split(",")]
         tide = constituents(samples, names)
-        files["tide.yaml"] = dump({"resource": tide.section | kept})
+        files["tide.yaml"] = dump({"resource": tide.section | fields})
         lines += _of_tide(tide)
         panels["tide"] = [tide_panel(samples, tide)]
-    for name, each in panels.items():
-        figure = style.figure_of_panels(each, 7.0, 3.0, f"{file.name}: {name}")
+    for name, chart in panels.items():
+        figure = style.figure_of_panels(chart, 7.0, 3.0, f"{file.name}: {name}")
         files[f"{name}.png"] = style.picture(figure)
     write_new({out / name: content for name, content in files.items()}, force)
     return [*lines, f"Written: {out}: {', '.join(files)}"]
@@ -112,10 +112,10 @@ def resource_panels(speed: np.ndarray, share: np.ndarray, samples: FlowSamples) 
     """Return the hours of each speed in a year, and the share of time in which it is exceeded."""
     hours = Panel("hours a year (h)", "speed of the flow (m/s)", from_zero=True)
     ways = {"forward": speed >= 0.0, "the other way": speed < 0.0}
-    for index, (word, own) in enumerate(ways.items()):
-        if np.any(own):
-            order = np.argsort(np.abs(speed[own]))
-            x, y = np.abs(speed[own])[order], HOURS * share[own][order]
+    for index, (word, mask) in enumerate(ways.items()):
+        if np.any(mask):
+            order = np.argsort(np.abs(speed[mask]))
+            x, y = np.abs(speed[mask])[order], HOURS * share[mask][order]
             hours.curves.append(Curve(x, y, word, COLORS[index], index, "bar"))
     fastest = np.argsort(-np.abs(samples.speed))
     every = max(1, fastest.size // MOST_SHOWN)

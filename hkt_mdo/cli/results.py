@@ -117,8 +117,8 @@ def compare(
     for_program = parts.one_form(as_json, as_csv)
     solutions, behind = ranked(read_result(result) for result in results)
     rows = [solution.summary.rows(solution.case) for solution in solutions]
-    for known, row in zip(rows, behind, strict=True):
-        known[3:3] = row  # below case, verdict and message
+    for merits, differences in zip(rows, behind, strict=True):
+        merits[3:3] = differences  # below case, verdict and message
     names = [str(solution.folder) for solution in solutions]
     if for_program:
         parts.print_records(parts.plain_rows(zip(names, rows, strict=True), "result"), as_json)
@@ -126,10 +126,10 @@ def compare(
         _print_beside(names, aligned([texts(each) for each in rows]))
     finished = [each for each in solutions if each.finished]
     parts.print_lines((f"note: {line}" for line in remarks(finished)), err=for_program)
-    for each in solutions:
-        if not each.finished:
-            left_out = "it is not ranked and not in the figures"
-            echo(f"note: {each.folder}: {each.message or 'did not end'}; {left_out}", err=True)
+    for solution in solutions:
+        if not solution.finished:
+            why = f"{solution.message or 'did not end'}; it is not ranked and not in the figures"
+            echo(f"note: {solution.folder}: {why}", err=True)
     if out is not None and finished:
         from hkt_mdo.results import charts, style
 
@@ -149,13 +149,13 @@ def _print_beside(names: list[str], rows: list[tuple[str, list[str]]]) -> None:
     room = console.width - first - 4
     widest = min(widest, max(20, room - 2))
     count = max(1, room // (widest + 2))
-    for some in (slice(begin, begin + count) for begin in range(0, len(names), count)):
+    for columns in (slice(begin, begin + count) for begin in range(0, len(names), count)):
         table = Table(box=None)
         table.add_column("", width=first, no_wrap=True)
-        for name in names[some]:
+        for name in names[columns]:
             table.add_column(Text(name), width=widest, overflow="fold")
         for label, cells in rows:
-            table.add_row(Text(label), *map(Text, cells[some]))
+            table.add_row(Text(label), *map(Text, cells[columns]))
         console.print(table)
 
 
@@ -271,23 +271,23 @@ def simulate(
     only = solution if scenario is None else solution.scenario(scenario)
     how = condition, inflow_dynamics, tau1, start, stop, noise
     runs = simulations(only, flow, flow_seeds, *how)
-    several = len(runs) > 1
-    words = f"{flow}: {len(runs)} simulations" if several else flow_words(runs[0].inflow)
+    several_runs = len(runs) > 1
+    words = f"{flow}: {len(runs)} simulations" if several_runs else flow_words(runs[0].inflow)
     words += f"; condition {condition}" if condition else ""
     echo(f"{solution.name} in flow {words}", err=for_program)
     for run in runs:
         with Console(stderr=True).status("simulating"):
-            lines = run.lines(several)
+            lines = run.lines(several_runs)
         echo("  " + "\n  ".join(lines), err=for_program)
-    told = [each for each in runs if each.operates]
+    operating = [run for run in runs if run.operates]
     if for_program:
-        parts.print_records(records(told), as_json)
-    elif rows := [entry.row(name) for name, entry in largest(told).items()]:
+        parts.print_records(records(operating), as_json)
+    elif rows := [entry.row(name) for name, entry in largest(operating).items()]:
         quiet = " without noise" if noise else ""
-        over = f" of {len(told)} simulations" if several else ""
+        over = f" of {len(operating)} simulations" if several_runs else ""
         parts.print_tables({f"Largest values{quiet}{over}": rows})
     if out is not None:
-        parts.print_lines(write(out, told), err=for_program)
-    broken = [limit_words(name) for name, x in largest(told).items() if x.kept is False]
+        parts.print_lines(write(out, operating), err=for_program)
+    broken = [limit_words(name) for name, x in largest(operating).items() if x.kept is False]
     if strict and broken:
         raise parts.failed(f"not kept: {', '.join(broken)}")

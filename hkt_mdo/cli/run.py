@@ -78,8 +78,8 @@ def run(
     pdf
         Draw the figures as PDF too.
     """
-    given = {"driver.optimizer": optimizer, "driver.package": package, "phase.segments": segments}
-    settings = (f"{key}={value}" for key, value in given.items() if value is not None)
+    values = {"driver.optimizer": optimizer, "driver.package": package, "phase.segments": segments}
+    settings = (f"{key}={value}" for key, value in values.items() if value is not None)
     changes = [*(overrides or ()), *settings]
     if resume is not None and (cases or changes or out is not None or force):
         raise BadParameter("--resume continues a run without changes: give no other option")
@@ -218,23 +218,23 @@ def _run_several(
     from hkt_mdo.results.folder import check_folder
     from hkt_mdo.run.batch import begun, run_batch
 
-    names = [each.name for each in cases]
+    names = [case.name for case in cases]
     if twice := [name for name in names if names.count(name) > 1]:
-        given = {"key": "name", "value": twice[0]}
-        raise InputError("is the name of two cases", "give each its own", **given)
-    plan, ended = {out / each.name: each for each in cases}, count(1)
+        where = {"key": "name", "value": twice[0]}
+        raise InputError("is the name of two cases", "give each its own", **where)
+    plan, ended = {out / case.name: case for case in cases}, count(1)
     for folder, case in plan.items():
         if not begun(folder, case):
             check_folder(folder, force)
 
-    def told(folder: Path, word: str) -> None:
+    def tell(folder: Path, word: str) -> None:
         number = next(ended)
         if not quiet:
             echo(f"{number} of {len(plan)}: {folder}: {word}")
 
     parts.SAVED.set(lambda: f"finished results are in {out}; the same command continues")
-    found = run_batch(plan, jobs, told, **how)
-    if failed := [path for path, each in found.items() if each is None or not each.success]:
+    results = run_batch(plan, jobs, tell, **how)
+    if failed := [path for path, each in results.items() if each is None or not each.success]:
         raise parts.failed(f"no success: {', '.join(map(str, failed))}")
 
 

@@ -185,11 +185,11 @@ def beside_law(design: Design) -> dict[str, str]:
     """
     generator = design.physics.case.generator
     ends = {"cut-in": cut_in(design), "cut-out": design.law.cut_out}
-    found = {name: f"a flow of {speed:g} m/s" for name, speed in ends.items() if speed}
+    texts = {name: f"a flow of {speed:g} m/s" for name, speed in ends.items() if speed}
     if generator.rubs:
         constant, slope = generator.shaft_friction, generator.shaft_friction_slope
-        found["friction"] = f"{constant:g} N m and {slope:g} N m s/rad on the shaft"
-    return found
+        texts["friction"] = f"{constant:g} N m and {slope:g} N m s/rad on the shaft"
+    return texts
 
 
 def filled(template: str, design: Design, words: dict[str, Any]) -> str:
@@ -211,9 +211,9 @@ def filled(template: str, design: Design, words: dict[str, Any]) -> str:
     str
         The text.
     """
-    known = {"design": design, "blade": design.blade, "case": design.physics.case}
-    known |= {"provenance": provenance(design.solution), "beside_law": beside_law(design)}
-    return str(templates(TEMPLATES, rows=_rows).get_template(template).render(known | words))
+    fields = {"design": design, "blade": design.blade, "case": design.physics.case}
+    fields |= {"provenance": provenance(design.solution), "beside_law": beside_law(design)}
+    return str(templates(TEMPLATES, rows=_rows).get_template(template).render(fields | words))
 
 
 def _rows(values: np.ndarray, digits: int) -> str:

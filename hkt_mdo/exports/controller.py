@@ -95,8 +95,8 @@ def _values(design: Design) -> tuple[dict[str, Any], dict[str, PPoly]]:
             values |= {"PROPORTIONAL": kp, "INTEGRAL": ki, "LAG": law.lag}
             curves["schedule"] = law.spline.pieces(np.array(speeds))
     if law.estimates_flow:
-        curves["ratio_of"] = found = FlowEstimate(design.plant).ratio_of
-        values |= {"SMALLEST": float(found.x[0]), "LARGEST": float(found.x[-1])}
+        curves["ratio_of"] = curve = FlowEstimate(design.plant).ratio_of
+        values |= {"SMALLEST": float(curve.x[0]), "LARGEST": float(curve.x[-1])}
     return values, curves
 
 
@@ -108,16 +108,16 @@ def _rows(curve: PPoly) -> tuple[list[list[float]], float]:
 def _head(design: Design) -> list[str]:
     """Return the lines of the comment at the top: where the code comes from, and its formula."""
     solution, law = design.solution, design.law
-    speeds = [own["trajectory"]["rotor_speed_rad_s"] for own in solution.tables.values()]
+    speeds = [part["trajectory"]["rotor_speed_rad_s"] for part in solution.tables.values()]
     ends = f"{min(map(np.min, speeds)):.5g} to {max(map(np.max, speeds)):.5g} rad/s"
     formula = cleandoc(type(law).__doc__ or "").splitlines()
     lines = [*provenance(solution), "", *formula, ""]
     lines.append(f"rotor speeds in the operation of the result: {ends}")
     lines += [f"{x}, not part of the law: {y}" for x, y in beside_law(design).items()]
     names = [
-        f"{each.name} {each.upper:g} {each.unit or ''}".rstrip()
-        for each in design.physics.all_limits
-        if each.caps_series and each.name != "control_torque"
+        f"{limit.name} {limit.upper:g} {limit.unit or ''}".rstrip()
+        for limit in design.physics.all_limits
+        if limit.caps_series and limit.name != "control_torque"
     ]
     if names:
         lines.append(f"limits of the case that this code does not check: {'; '.join(names)}")

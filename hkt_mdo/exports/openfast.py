@@ -81,15 +81,15 @@ class OpenFast(Format):
         texts = {name: filled(name.removeprefix("airfoils/"), design, words) for name in WHOLE}
         words["numbers"], columns = reynolds_numbers(design), 3 + has_suction
         for name, kind in sections.items():
-            about = _airfoil_words(design, kind, columns)
-            texts[name] = filled("airfoil.dat", design, words | about)
+            airfoil_words = _airfoil_words(design, kind, columns)
+            texts[name] = filled("airfoil.dat", design, words | airfoil_words)
         return {f"openfast/{name}": text for name, text in texts.items()}
 
     def _water(self, design: Design) -> dict[str, Any]:
         """Return depths and heights (m)."""
         radius, physics = design.blade.rotor_radius, design.physics
-        known = physics.rotor.depth or physics.case.site.hub_depth
-        depth = UNKNOWN_DEPTH * radius if known is None else known
+        case_depth = physics.rotor.depth or physics.case.site.hub_depth
+        depth = UNKNOWN_DEPTH * radius if case_depth is None else case_depth
         water = depth + BED * radius if self.water_depth is None else self.water_depth
         if water <= depth + radius:
             problem = f"is too small for the blades: the hub is {depth:.4g} m deep"
@@ -101,7 +101,7 @@ class OpenFast(Format):
             "hub_height": height,
             "hub_height_over_bed": water - depth,
             "tower_base": 0.0 if self.mhk == 1 else 0.5 * height,
-            "depth_is_known": known is not None,
+            "depth_is_known": case_depth is not None,
             "unknown_depth": UNKNOWN_DEPTH,
             "bed": BED,
         }
@@ -124,8 +124,8 @@ class OpenFast(Format):
     def _aerodyn_rows(self, blade: Blade, kinds: list[Airfoil]) -> np.ndarray:
         """Return the rows of AeroDyn's blade: hub, stations and tip, with buoyancy or without."""
         number = np.empty(blade.r.size, dtype=int)
-        for place, kind in enumerate(kinds):
-            number[kind.stations] = place
+        for index, kind in enumerate(kinds):
+            number[kind.stations] = index
         shapes = [(x.outline.thickness, x.outline.area, *x.outline.centroid) for x in kinds]
         thickness, area, x, y = np.array(shapes)[number].T
         zero, floats = np.zeros(blade.r.size), self.hub_volume is not None
@@ -157,10 +157,10 @@ def _elastodyn_rows(design: Design) -> np.ndarray:
 
 def _airfoil_words(design: Design, kind: Airfoil, columns: int) -> dict[str, Any]:
     """Return what the file of an airfoil names."""
-    places = (design.blade.r / design.blade.tip_radius)[kind.stations]
+    radii = (design.blade.r / design.blade.tip_radius)[kind.stations]
     return {
         "outline": kind.outline,
-        "radii": ", ".join(f"{place:.4g}" for place in places),
+        "radii": ", ".join(f"{radius:.4g}" for radius in radii),
         "alpha_min": np.rad2deg(max(polar.alpha_min for polar in kind.polars)),
         "alpha_max": np.rad2deg(min(polar.alpha_max for polar in kind.polars)),
         "tables": [polar_rows(polar)[:, :columns] for polar in kind.polars],
@@ -185,9 +185,9 @@ def reynolds_numbers(design: Design) -> list[float]:
     polar: Any = physics.rotor.polar
     if polar.follows_reynolds:
         return np.exp(polar.log_reynolds).tolist()
-    known = np.unique(np.concatenate([each.polars.reynolds for each in turbine.sections]))
-    known = known[np.isfinite(known)]
-    number = known[0] if known.size == 1 else turbine.reynolds_number
+    numbers = np.unique(np.concatenate([each.polars.reynolds for each in turbine.sections]))
+    numbers = numbers[np.isfinite(numbers)]
+    number = numbers[0] if numbers.size == 1 else turbine.reynolds_number
     if number is None:
         best = physics.rotor.best_operation(blade).tip_speed_ratio
         flow = physics.scenarios[0].mean_flow * np.cos(blade.cone)

@@ -94,23 +94,23 @@ def _law_words(design: Design) -> dict[str, Any]:
         remedy = f"export controller, which has the law {law.law} itself"
         raise InputError(problem, remedy, key="--to", value="rosco")
     slope = float(np.max(np.gradient(torques, speeds)))
-    about = f"{law.law} law as a speed that follows the torque within {LAG:g} s (VS_FBP 3)"
-    return words | {"about": about, "schedule": 3, "integral": -slope / LAG, "loop": 1.0 / LAG}
+    comment = f"{law.law} law as a speed that follows the torque within {LAG:g} s (VS_FBP 3)"
+    return words | {"about": comment, "schedule": 3, "integral": -slope / LAG, "loop": 1.0 / LAG}
 
 
 def _overspeed(law, gains, largest, fastest) -> dict[str, Any]:
     """Return the words of K w², up to a torque limit or a rated power (VS_FBP 1)."""
-    gain, about = float(gains[0]), "torque K w^2 up to the largest torque"
+    gain, comment = float(gains[0]), "torque K w^2 up to the largest torque"
     words: dict[str, Any] = {}
     speed = min(np.sqrt(largest / gain), NEVER * fastest)
     if isinstance(law, RatedFeedback):
         power = float(law.second_of(gains))
         speed = min(speed, np.cbrt(power / gain))
-        about = "torque K w^2 up to a rated power, constant power by overspeed above it"
+        comment = "torque K w^2 up to a rated power, constant power by overspeed above it"
         words = {"rated_power": power}
     torque = gain * speed**2
     return words | {
-        "about": f"{law.law} law: {about} (VS_FBP 1)",
+        "about": f"{law.law} law: {comment} (VS_FBP 1)",
         "schedule": 1,
         "gain": gain,
         "rated_speed": float(speed),

@@ -74,10 +74,10 @@ class Outer(Format, ABC):
         least = np.broadcast_to(least, chord.shape)
         thin = int(np.argmax(least / largest))
         if least[thin] > 0.5 * largest[thin]:
-            given, whole = (1e3 * chord[thin] * each[thin] for each in (least, largest))
+            edge, whole = (1e3 * chord[thin] * x[thin] for x in (least, largest))
             problem = f"is more than half of the section's {whole:.3g} mm at r = {r[thin]:.4g} m"
             key = f"{type(self).__name__.lower()}.trailing_edge"
-            raise InputError(problem, "give a thinner one", key=key, value=f"{given:.3g} mm")
+            raise InputError(problem, "give a thinner one", key=key, value=f"{edge:.3g} mm")
         aft = np.arange(x.shape[1]) > np.argmax(thickness, axis=1)[:, None]
         grown = np.where(aft, 0.5 * np.maximum(least[:, None] - thickness, 0.0), 0.0)
         plane = around(x, upper + grown, lower - grown) - (self.stacking, 0.0)
@@ -138,12 +138,12 @@ class Sections(Outer):
     """Coordinates of the section at each station, one CSV file a station."""
 
     def files(self, design: Design) -> dict[str, str]:
-        remarks, blade, found = self.remarks(design), design.blade, {}
-        both = self.stations(design, blade.r), self.plane(design, blade.r)
-        across = both[1][..., 1]  # over the upper side and back: opposite points are equally far
+        remarks, blade, contents = self.remarks(design), design.blade, {}
+        stations, plane = self.stations(design, blade.r), self.plane(design, blade.r)
+        across = plane[..., 1]  # over the upper side and back: opposite points are equally far
         thickness = np.max(across - across[:, ::-1], axis=1) / blade.chord
-        for n, points in enumerate(np.concatenate(both, axis=-1)):
-            own = (
+        for n, points in enumerate(np.concatenate((stations, plane), axis=-1)):
+            remarks_of_station = (
                 f"station {n + 1} of {blade.r.size}: r = {blade.r[n]:.9g} m, chord = "
                 f"{blade.chord[n]:.9g} m, twist = {np.rad2deg(blade.twist[n]):.9g} deg, "
                 f"thickness = {thickness[n]:.6g} of the chord, before the trailing edge "
@@ -152,9 +152,9 @@ class Sections(Outer):
                 "suction side; both from the blade's axis",
             )
             rows = ([f"{value:.9g}" for value in row] for row in points)
-            text = csv_text(_COORDINATES, rows, (*remarks, *own))
-            found[f"sections/station_{n + 1:03d}.csv"] = text
-        return found
+            text = csv_text(_COORDINATES, rows, (*remarks, *remarks_of_station))
+            contents[f"sections/station_{n + 1:03d}.csv"] = text
+        return contents
 
 
 class Solid(Outer, ABC):
@@ -303,12 +303,12 @@ def airfoils(design: Design) -> list[Airfoil]:
     outlines, r = design.turbine.outlines, design.blade.r
     if design.plant.polar.follows_thickness:
         outlines = tuple(Outline(*each.T) for each in around(*sides(design.turbine, r)))
-    found: dict[tuple, Airfoil] = {}
+    by_kind: dict[tuple, Airfoil] = {}
     for station, polars in enumerate(design.plant.polar.stations(design.blade)):
         outline = outlines[station % len(outlines)]
         kind = (*polars, outline.thickness, outline.area)
-        found.setdefault(kind, Airfoil(polars, outline, [])).stations.append(station)
-    return list(found.values())
+        by_kind.setdefault(kind, Airfoil(polars, outline, [])).stations.append(station)
+    return list(by_kind.values())
 
 
 def outline_volume(design: Design) -> float:

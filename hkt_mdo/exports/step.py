@@ -55,8 +55,8 @@ class Step(Solid):
         rotor = [turned(rooted, 2.0 * np.pi * n / count) for n in range(count)]
         if self.hub != "none":
             whole = cylinder(*self.cylinder(design))
-            for each in rotor:
-                whole = BRepAlgoAPI_Fuse(whole, each).Shape()
+            for solid in rotor:
+                whole = BRepAlgoAPI_Fuse(whole, solid).Shape()
             rotor = [checked(whole)]
         remarks.append(
             f"volume of a blade from hub to tip: {solid_volume(blade):.6g} m**3; integral of the "
@@ -182,8 +182,8 @@ def spline_surface(poles: np.ndarray, knots: tuple[np.ndarray, np.ndarray]) -> A
         The surface.
     """
     net = arrays.Array2_gp_Pnt(1, poles.shape[0], 1, poles.shape[1])
-    for place in np.ndindex(poles.shape[:2]):
-        net.SetValue(place[0] + 1, place[1] + 1, gp_Pnt(*map(float, poles[place])))
+    for index in np.ndindex(poles.shape[:2]):
+        net.SetValue(index[0] + 1, index[1] + 1, gp_Pnt(*map(float, poles[index])))
     once = [np.unique(each, return_counts=True) for each in knots]
     values = [_array(arrays.Array1_double, each.tolist()) for each, _ in once]
     counts = [_array(arrays.Array1_int, each.tolist()) for _, each in once]
@@ -214,9 +214,9 @@ def turned(solid: Any, angle: float) -> Any:
     OCP.TopoDS.TopoDS_Shape
         A copy.
     """
-    about = gp_Trsf()
-    about.SetRotation(gp.OX_s(), angle)
-    return build.BRepBuilderAPI_Transform(solid, about, True).Shape()
+    rotation = gp_Trsf()
+    rotation.SetRotation(gp.OX_s(), angle)
+    return build.BRepBuilderAPI_Transform(solid, rotation, True).Shape()
 
 
 def cylinder(begin: float, end: float, radius: float) -> Any:

@@ -75,42 +75,42 @@ class Csv(_Tables):
     """One CSV file a table; lines that begin with # are comments."""
 
     def files(self, design: Design) -> dict[str, str]:
-        found, source = {}, provenance(design.solution)
+        contents, source = {}, provenance(design.solution)
         for table in tables(design, self.flow_range):
-            about = (f"{name} [{c.unit or '-'}]: {c.text}" for name, c in table.columns.items())
+            legend = (f"{name} [{c.unit or '-'}]: {c.text}" for name, c in table.columns.items())
             plain = (np.asarray(column.values).tolist() for column in table.columns.values())
             rows = zip(*plain, strict=True)
-            remarks = *source, table.title, *about
-            found[f"{table.name}.csv"] = csv_text(table.columns, rows, remarks)
-        return found
+            remarks = *source, table.title, *legend
+            contents[f"{table.name}.csv"] = csv_text(table.columns, rows, remarks)
+        return contents
 
 
 class Json(_Tables):
     """One JSON file of all tables; NaN is null."""
 
     def files(self, design: Design) -> dict[str, str]:
-        solution, found = design.solution, {}
+        solution, contents = design.solution, {}
         for table in tables(design, self.flow_range):
             columns = {
                 name: {"unit": c.unit, "long_name": c.text, "values": np.asarray(c.values)}
                 for name, c in table.columns.items()
             }
-            found[table.name] = {"title": table.title, "columns": columns}
+            contents[table.name] = {"title": table.title, "columns": columns}
         data = {"provenance": provenance(solution), "case": solution.case.model_dump(mode="json")}
-        return {"result.json": f"{to_json(data | {'tables': found})}\n"}
+        return {"result.json": f"{to_json(data | {'tables': contents})}\n"}
 
 
 class Netcdf(_Tables):
     """One NetCDF file, a group a table, whose dimension is the table's first column."""
 
     def files(self, design: Design) -> dict[str, bytes]:
-        known = tables(design, self.flow_range)
-        groups = {x.name: dataset(x.columns, title=x.title) for x in known}
+        all_tables = tables(design, self.flow_range)
+        groups = {x.name: dataset(x.columns, title=x.title) for x in all_tables}
         from xarray import DataTree
 
         tree = DataTree.from_dict(groups)
-        about = "\n".join(provenance(design.solution))
-        tree.attrs = {"source": about, "title": design.solution.name}
+        source = "\n".join(provenance(design.solution))
+        tree.attrs = {"source": source, "title": design.solution.name}
         return {"result.nc": bytes(tree.to_netcdf(engine="netcdf4"))}
 
 
@@ -130,18 +130,18 @@ def tables(design: Design, flow_range: tuple[float, float] | None = None) -> lis
         With several scenarios, tables of one scenario end with its name.
     """
     steady, scenarios = steady_operation(design, flow_range), design.solution.tables
-    found = [_design(design), _blade(design), _coefficients(design)]
+    all_tables = [_design(design), _blade(design), _coefficients(design)]
     if steady is not None:
-        found.append(_operation(design, steady))
-    found += _station_loads(design, steady)
-    several = len(scenarios) > 1
-    for scenario, own in scenarios.items():
-        of, ending = (f" of the scenario {scenario}", f"_{scenario}") if several else ("", "")
+        all_tables.append(_operation(design, steady))
+    all_tables += _station_loads(design, steady)
+    named = len(scenarios) > 1
+    for scenario, part in scenarios.items():
+        of, ending = (f" of the scenario {scenario}", f"_{scenario}") if named else ("", "")
         for name, (label, title) in _SERIES.items():
-            if columns := own[name]:
+            if columns := part[name]:
                 described = {key: Column(x, *TABLES[name][key]) for key, x in columns.items()}
-                found.append(Table(label + ending, title + of, described))
-    return found
+                all_tables.append(Table(label + ending, title + of, described))
+    return all_tables
 
 
 _SERIES = {
@@ -154,21 +154,21 @@ _SERIES = {
 
 def _design(design: Design) -> Table:
     """Return the numbers of a design: dimensions, masses, law and gains."""
-    blade, law, world = design.blade, design.law, design.physics
+    blade, law, physics = design.blade, design.law, design.physics
     rows: list[tuple[str, float, str, str]] = [
         ("tip_radius", blade.tip_radius, "m", "radius of the tip, along the blade"),
         ("hub_radius", blade.hub_radius, "m", "radius of the blade's root, along the blade"),
         ("cone", blade.cone, "rad", "angle of the blades to the rotor plane"),
         ("blade_count", blade.blade_count, "1", "number of blades"),
     ]
-    known = scalars(world, world.rotor, blade)
+    values = scalars(physics, physics.rotor, blade)
     for name in ("rotor_radius", "density", "inertia", "mass", "blade_area"):
-        rows.append((name, known[name], QUANTITIES[name].unit or "1", QUANTITIES[name].text))
-    for place, (gain, unit) in enumerate(zip(design.gains, law.gain_units, strict=True)):
-        rows.append((f"gain_{place}", gain, unit or "1", f"gain of the control law {law.law}"))
-    generator = world.case.generator
+        rows.append((name, values[name], QUANTITIES[name].unit or "1", QUANTITIES[name].text))
+    for index, (gain, unit) in enumerate(zip(design.gains, law.gain_units, strict=True)):
+        rows.append((f"gain_{index}", gain, unit or "1", f"gain of the control law {law.law}"))
+    generator = physics.case.generator
     keys = [
-        ("fluid.kinematic_viscosity", world.case.fluid.kinematic_viscosity, "m**2/s"),
+        ("fluid.kinematic_viscosity", physics.case.fluid.kinematic_viscosity, "m**2/s"),
         ("control.torque_limit", law.torque_limit, "N*m"),
         ("control.cut_out", law.cut_out, "m/s"),
         ("resource.cut_in", cut_in(design), "m/s"),
@@ -183,13 +183,13 @@ def _design(design: Design) -> Table:
 def _columns(table: str, values: Iterable[Any]) -> dict[str, Column]:
     """Return the columns of a table, from their values in the order of `COLUMNS`."""
     texts = COLUMNS["exports"][table].items()
-    return {name: Column(x, *about) for (name, about), x in zip(texts, values, strict=True)}
+    return {name: Column(x, *header) for (name, header), x in zip(texts, values, strict=True)}
 
 
 def _quantities(values: dict[str, Any]) -> dict[str, Column]:
     """Return the columns of quantities, from their values by name."""
-    known = {name: QUANTITIES[name] for name in values}
-    return {x.column: Column(values[name], x.unit, x.text) for name, x in known.items()}
+    quantities = {name: QUANTITIES[name] for name in values}
+    return {x.column: Column(values[name], x.unit, x.text) for name, x in quantities.items()}
 
 
 def _blade(design: Design) -> Table:
@@ -224,15 +224,15 @@ def section_names(design: Design) -> list[str]:
 def _coefficients(design: Design) -> Table:
     """Return the coefficients of the blade from slow rotation to beyond its operation."""
     solution = design.solution
-    known = [np.max(own["trajectory"]["tip_speed_ratio"]) for own in solution.tables.values()]
-    known.append(solution.summary.tip_speed_ratio_at_power_coefficient_max or 0.0)
-    count = np.ceil((BEYOND * max(known) - SLOWEST) / RATIO_STEP) + 1
+    largest = [np.max(part["trajectory"]["tip_speed_ratio"]) for part in solution.tables.values()]
+    largest.append(solution.summary.tip_speed_ratio_at_power_coefficient_max or 0.0)
+    count = np.ceil((BEYOND * max(largest) - SLOWEST) / RATIO_STEP) + 1
     ratio, rotor = np.round(SLOWEST + RATIO_STEP * np.arange(count), 6), design.physics.rotor
     polars: Any = rotor.polar
-    found, title = rotor.coefficients(design.blade, ratio), "coefficients by direct BEM"
+    coefficients, title = rotor.coefficients(design.blade, ratio), "coefficients by direct BEM"
     if polars.follows_reynolds:
         title += f", Reynolds numbers at a flow of {polars.flow_speed:.6g} m/s"
-    values = ratio, found.power, found.torque, found.thrust
+    values = ratio, coefficients.power, coefficients.torque, coefficients.thrust
     return Table("coefficients", title, _columns("coefficients", values))
 
 
@@ -263,11 +263,11 @@ def steady_operation(
     InputError
         If the law has no torque in equilibrium at any of these speeds.
     """
-    law, world, blade = design.law, design.physics, design.blade
+    law, physics, blade = design.law, design.physics, design.blade
     if not isinstance(law, FeedbackLaw):
         return None
     if flow_range is None:
-        speed = np.concatenate([each.speeds for each in world.scenarios])
+        speed = np.concatenate([each.speeds for each in physics.scenarios])
         low = max((1.0 - WIDER) * float(np.min(speed)), cut_in(design))
         high = min((1.0 + WIDER) * float(np.max(speed)), law.cut_out or np.inf)
         flow_range = round(low, 3), round(high, 3)
@@ -276,23 +276,23 @@ def steady_operation(
         remedy = "check the gains of the result; csv, json and netcdf take other flows: flow_range"
         problem = "has no steady operation between {:.4g} and {:.4g} m/s".format(*flow_range)
         raise InputError(problem, remedy, key="control.law", value=law.law)
-    torque, radius = design.plant.torque(speed, flow), blade.rotor_radius
-    both = torque, design.plant.generator_torque(speed, flow)  # of the flow and of the generator
-    known = trajectory_of(np.zeros(flow.size), flow, speed, *both, radius, world.case.generator)
-    del known["time"]
-    return known | loads_along(world.rotor, blade, known, world.rotor.load_names)
+    plant, time, generator = design.plant, np.zeros(flow.size), physics.case.generator
+    torques = plant.torque(speed, flow), plant.generator_torque(speed, flow)
+    steady = trajectory_of(time, flow, speed, *torques, blade.rotor_radius, generator)
+    del steady["time"]
+    return steady | loads_along(physics.rotor, blade, steady, physics.rotor.load_names)
 
 
 def _operation(design: Design, steady: dict[str, np.ndarray]) -> Table:
     """Return steady operation as a table, with how much of each limit it uses."""
-    world, flow = design.physics, steady["inflow_speed"]
-    scale = power_scale(world.density, design.blade.rotor_radius, flow)
+    physics, flow = design.physics, steady["inflow_speed"]
+    scale = power_scale(physics.density, design.blade.rotor_radius, flow)
     rpm, power = steady["rotor_speed"] * REVOLUTIONS, steady["hydrodynamic_power"] / scale
     columns = _quantities(steady) | _columns("operation", (rpm, power, np.zeros(flow.size)))
-    known = steady | scalars(world, world.rotor, design.blade)
-    for limit in world.all_limits:
-        if limit.place == "time" and np.isfinite(limit.end) and known.keys() >= set(limit.inputs):
-            name, share = f"{limit.name}_over_limit", limit.share(known)
+    values = steady | scalars(physics, physics.rotor, design.blade)
+    for limit in physics.all_limits:
+        if limit.place == "time" and np.isfinite(limit.end) and values.keys() >= set(limit.inputs):
+            name, share = f"{limit.name}_over_limit", limit.share(values)
             if name in columns:  # of another scenario: the stricter one counts
                 share = np.maximum(share, columns[name].values)
             columns[name] = Column(share, None, f"{limit.name} over its limit: 1 is the limit")
@@ -307,15 +307,15 @@ def _station_loads(design: Design, steady: dict | None) -> list[Table]:
     number = np.arange(1, len(names) + 1)
     columns = _columns("load_cases", (number, names, scenarios, points.pop("time")))
     polar = design.physics.rotor.polar.in_flow(flow)
-    found = bem.sections(blade, polar, points["tip_speed_ratio"])
+    sections = bem.sections(blade, polar, points["tip_speed_ratio"])
     across = flow[:, None] * np.cos(blade.cone)  # speed of the flow normal to the blade
-    pressure, speed = 0.5 * design.physics.density * across**2, found.relative_speed * across
+    pressure, speed = 0.5 * design.physics.density * across**2, sections.relative_speed * across
     by_station = np.broadcast_arrays(
         *(number[:, None], blade.r, blade.chord),
-        pressure * found.normal_load,
-        pressure * found.tangential_load,
-        found.angle_of_attack,
-        np.rad2deg(found.angle_of_attack),
+        pressure * sections.normal_load,
+        pressure * sections.tangential_load,
+        sections.angle_of_attack,
+        np.rad2deg(sections.angle_of_attack),
         speed,
         speed * blade.chord / design.physics.case.fluid.kinematic_viscosity,
     )
@@ -332,12 +332,12 @@ def _load_cases(
 ) -> tuple[list[str], list[str], dict[str, np.ndarray]]:
     """Return names, scenarios and operating points: instants of largest loads, and some flows."""
     tables = design.solution.tables
-    series = [own["simulation"] or own["trajectory"] for own in tables.values()]
-    scenario = np.repeat(list(tables), [each["time_s"].size for each in series])
+    series = [part["simulation"] or part["trajectory"] for part in tables.values()]
+    scenario = np.repeat(list(tables), [table["time_s"].size for table in series])
     recorded = {
-        name: np.concatenate([each[QUANTITIES[name].column] for each in series])
+        name: np.concatenate([table[QUANTITIES[name].column] for table in series])
         for name in (*_AT, *LOADS)
-        if all(QUANTITIES[name].column in each for each in series)
+        if all(QUANTITIES[name].column in table for table in series)
     }
     largest: dict[int, list[str]] = {}
     for name in (x for x in LOADS if x in recorded):

@@ -39,7 +39,7 @@ class Windio(Format):
         root |= {"name": design.solution.name, "comments": _comments(design, material["nu"])}
         root["airfoils"], positions = _airfoils(design)
         root["control"] |= _control(design)
-        powers = [own["trajectory"]["electrical_power_W"] for own in tables]
+        powers = [part["trajectory"]["electrical_power_W"] for part in tables]
         root["assembly"] |= {
             "number_of_blades": int(blade.blade_count),
             "rotor_diameter": 2.0 * blade.rotor_radius,
@@ -53,8 +53,8 @@ class Windio(Format):
         length = blade.tip_radius - blade.hub_radius
         parts["blade"]["reference_axis"]["z"] = _curve([0.0, 1.0], [0.0, length])
         parts["blade"]["outer_shape"] = _outer_shape(design, self.stacking, positions)
-        known = case.rotor.blade_material
-        material |= {"rho": known.density, "E": known.modulus}
+        properties = case.rotor.blade_material
+        material |= {"rho": properties.density, "E": properties.modulus}
         parts["blade"]["structure"]["layers"][0]["thickness"] = _shell(design)
         steady = None if case.generator.lossless else steady_operation(design)
         if steady is not None:
@@ -108,7 +108,7 @@ def _grid(design: Design) -> np.ndarray:
 def _airfoils(design: Design) -> tuple[list[dict], list[dict]]:
     """Return the airfoils, each once, and their places along the blade."""
     called, numbers = section_names(design), reynolds_numbers(design)
-    found, names = [], np.empty(design.blade.r.size, dtype=object)
+    entries, names = [], np.empty(design.blade.r.size, dtype=object)
     for number, (polars, outline, stations) in enumerate(airfoils(design), 1):
         names[stations] = f"section_{number}"
         airfoil = {
@@ -119,12 +119,12 @@ def _airfoils(design: Design) -> tuple[list[dict], list[dict]]:
             "coordinates": _coordinates(outline),
             "polars": [{"configuration": "default", "re_sets": _re_sets(polars, numbers)}],
         }
-        found.append(airfoil)
+        entries.append(airfoil)
     positions = [
-        {"name": name, "spanwise_position": place, "configuration": ["default"], "weight": [1.0]}
-        for place, name in zip(_grid(design), extended_to_ends(names), strict=True)
+        {"name": name, "spanwise_position": share, "configuration": ["default"], "weight": [1.0]}
+        for share, name in zip(_grid(design), extended_to_ends(names), strict=True)
     ]
-    return found, positions
+    return entries, positions
 
 
 def _coordinates(outline: Outline) -> dict[str, np.ndarray]:
@@ -160,10 +160,10 @@ def _control(design: Design) -> dict[str, Any]:
     law: Any = design.law
     physics, tables = design.physics, design.solution.tables.values()
     limits = [(x.name, float(x.upper)) for x in physics.all_limits if x.caps_series]
-    fastest = [float(np.max(own["trajectory"]["rotor_speed_rad_s"])) for own in tables]
+    fastest = [float(np.max(part["trajectory"]["rotor_speed_rad_s"])) for part in tables]
     fastest += [most for name, most in limits if name == "rotor_speed"]
     rates = [most for name, most in limits if name == "torque_rate"]
-    known = {
+    entries = {
         "max_rotor_speed": max(fastest) * REVOLUTIONS,
         "optimal_tsr": physics.rotor.best_operation(design.blade).tip_speed_ratio,
         "max_gen_torque": law.torque_limit,
@@ -171,4 +171,4 @@ def _control(design: Design) -> dict[str, Any]:
         "rated_power": float(law.second_of(design.gains)) if law.law == "rated" else None,
         "max_torque_rate": min(rates, default=None),
     }
-    return {key: value for key, value in known.items() if value is not None}
+    return {key: value for key, value in entries.items() if value is not None}

@@ -27,8 +27,8 @@ def rendered(template: str | Path, **values: Any) -> str:
     """
     path = _TEMPLATES / template
     html = path.suffix == ".html"
-    known = templates(path.parent, _TEMPLATES, html=html, printable=printable)
-    return str(known.get_template(path.name).render(**values))
+    environment = templates(path.parent, _TEMPLATES, html=html, printable=printable)
+    return str(environment.get_template(path.name).render(**values))
 
 
 def plotly_script() -> str:

@@ -45,29 +45,29 @@ def bodies(labelled: Sequence[Labelled]) -> tuple[list[Body], list[str]]:
 
     Returns
     -------
-    found : list of Body
+    rotors : list of Body
         In axes of which x is along the first blade, y in the rotor plane, z upstream.
     reasons : list of str
         A line for each result whose blade is not known as a solid.
     """
-    found: list[Body] = []
+    rotors: list[Body] = []
     starts: dict[bytes, Body] = {}
     reasons: list[str] = []
-    for each in labelled:
+    for result in labelled:
         try:
-            design = each.solution.design()
-            outline_names(each.solution, design.turbine)  # refuses polars without an outline
+            design = result.solution.design()
+            outline_names(result.solution, design.turbine)  # refuses polars without an outline
             start, kind = _start(design), SOLIDS[len(labelled) > FEW]
             shape = _shape(start)
             changed = not np.allclose(shape, _shape(design))
-            name = each.label or ("optimized blade" if changed else "blade")
-            found.append(_body(design, kind, name, each.color()))
+            name = result.label or ("optimized blade" if changed else "blade")
+            rotors.append(_body(design, kind, name, result.color()))
             if changed and shape.tobytes() not in starts:
-                name = "blade at the start" + (f" of {each.label}" if starts else "")
+                name = "blade at the start" + (f" of {result.label}" if starts else "")
                 starts[shape.tobytes()] = _body(start, kind, name, GREY)
         except InputError as error:
-            reasons.append(f"{each.label or each.solution.name}: {error}")
-    return [*found, *starts.values()], reasons
+            reasons.append(f"{result.label or result.solution.name}: {error}")
+    return [*rotors, *starts.values()], reasons
 
 
 def _start(design: Design) -> Design:
@@ -87,22 +87,22 @@ def _body(design: Design, kind: Stl, name: str, color: str) -> Body:
     return Body(name, corners, color)
 
 
-def _beside(found: Sequence[Body]) -> list[np.ndarray]:
+def _beside(rotors: Sequence[Body]) -> list[np.ndarray]:
     """Return the corners of rotors that stand in rows."""
-    step = 2.0 * APART * max(float(np.max(np.abs(each.corners))) for each in found)
-    columns = int(np.ceil(len(found) / max(1, round(np.sqrt(0.5 * len(found))))))
+    step = 2.0 * APART * max(float(np.max(np.abs(rotor.corners))) for rotor in rotors)
+    columns = int(np.ceil(len(rotors) / max(1, round(np.sqrt(0.5 * len(rotors))))))
     return [
-        each.corners + step * np.array((number % columns, -(number // columns), 0.0))
-        for number, each in enumerate(found)
+        rotor.corners + step * np.array((number % columns, -(number // columns), 0.0))
+        for number, rotor in enumerate(rotors)
     ]
 
 
-def solid(found: Sequence[Body]) -> Chart:
+def solid(rotors: Sequence[Body]) -> Chart:
     """Return the rotors as one scene that can be turned, one beside the other.
 
     Parameters
     ----------
-    found : list of Body
+    rotors : list of Body
         The rotors.
 
     Returns
@@ -110,10 +110,10 @@ def solid(found: Sequence[Body]) -> Chart:
     dict
         The chart.
     """
-    data, beside = [], _beside(found)
-    for body, corners in zip(found, beside, strict=True):
-        points, place = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
-        corner = place.reshape(-1, 3).T
+    data, beside = [], _beside(rotors)
+    for body, corners in zip(rotors, beside, strict=True):
+        points, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+        corner = index.reshape(-1, 3).T
         mesh = {axis: _packed(x, "f4") for axis, x in zip("xyz", points.T, strict=True)}
         kind = "u2" if len(points) < 2**16 else "u4"
         mesh |= {key: _packed(x, kind) for key, x in zip("ijk", corner, strict=True)}
@@ -137,12 +137,12 @@ def _packed(values: np.ndarray, kind: str) -> dict[str, str]:
     return {"dtype": kind, "bdata": base64.b64encode(data).decode()}
 
 
-def picture(found: Sequence[Body]) -> bytes:
+def picture(rotors: Sequence[Body]) -> bytes:
     """Return a PNG of the rotors, one beside the other, for a browser that cannot turn them.
 
     Parameters
     ----------
-    found : sequence of Body
+    rotors : sequence of Body
         The rotors.
 
     Returns
@@ -156,7 +156,7 @@ def picture(found: Sequence[Body]) -> bytes:
     axes = np.stack((right, np.cross(toward, right), toward), -1)
     figure = Figure(figsize=(9.0, 4.5), layout="constrained")
     ax = figure.add_subplot()
-    for body, corners in zip(found, _beside(found), strict=True):
+    for body, corners in zip(rotors, _beside(rotors), strict=True):
         seen = corners @ axes
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)

@@ -57,7 +57,7 @@ def write_report(
 
 
 def write_sweep_report(
-    table: SweepTable, told: Callable[[str], None], extensions: Iterable[Extension]
+    table: SweepTable, tell: Callable[[str], None], extensions: Iterable[Extension]
 ) -> Path:
     """Write `report.html` into a sweep's folder, and the pages of its runs into theirs.
 
@@ -68,8 +68,8 @@ def write_sweep_report(
     ----------
     table : SweepTable
         The table of the sweep.
-    told : callable
-        told(line) is called after each page.
+    tell : callable
+        tell(line) is called after each page.
     extensions : iterable
         Of the cases, as `load_case` takes them.
 
@@ -94,7 +94,7 @@ def write_sweep_report(
         if run and result and (written is None or written < result):
             solution = Solution.load(page.parent, extensions=extensions)
             write_report([solution], page, shared="../../plotly.js")
-            told(f"{number} of {len(runs)}: {page}")
+            tell(f"{number} of {len(runs)}: {page}")
     drawn = sweep_charts(table)
     charts = {x: stacked([drawn[x]], 300) if x in drawn else None for x in ("front", "map")}
     rows = zip(table.pages, runs, table.columns["message"], table.verified, strict=True)
@@ -118,23 +118,23 @@ def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
 
     order, behind = ranked(solutions)
     results = labelled(order)
-    found, reasons = blade.bodies(results)
+    rotors, reasons = blade.bodies(results)
     drawn, views = panels.designs(results), panels.views(results)
-    if found:
-        drawn["solid"] = blade.solid(found)
-    told, titles = list(map(_told, results)), dict.fromkeys(each.name for each in order)
+    if rotors:
+        drawn["solid"] = blade.solid(rotors)
+    entries, titles = list(map(_entry, results)), dict.fromkeys(each.name for each in order)
     checks = [{limit_words(x.name): x for x in each.summary.checks or ()} for each in order]
     limits = [each.summary.at_limits(each.case) for each in order]
     headlines = [
-        [replace(x, note="") for x in (*rows, *_headline(each)) if x.value is not None]
-        for each, rows in zip(order, behind, strict=True)
+        [replace(x, note="") for x in (*rows, *_headline(solution)) if x.value is not None]
+        for solution, rows in zip(order, behind, strict=True)
     ]
     return rendered(
         "report.html",
         title=" and ".join(titles) if len(titles) < 4 else f"{len(order)} results",
-        results=told,
+        results=entries,
         headline=aligned([*map(texts, headlines)]),
-        merits=aligned([each["merits"] for each in told]),
+        merits=aligned([entry["merits"] for entry in entries]),
         checks=sorted(aligned(checks), key=lambda row: all(not x or x.passed for x in row[1])),
         measured=measured,
         limits=sorted(aligned(limits), key=lambda row: not any(x and x[0].limit for x in row[1])),
@@ -142,7 +142,7 @@ def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
         remarks=remarks(each for each in order if each.finished),
         not_modelled=list(dict.fromkeys(line for x in order for line in not_modelled(x.case))),
         reasons=reasons,
-        picture=base64.b64encode(blade.picture(found)).decode() if found else "",
+        picture=base64.b64encode(blade.picture(rotors)).decode() if rotors else "",
         points=panels.points_each(results),
         views=list(views),
         charts=drawn,
@@ -153,7 +153,7 @@ def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
     )
 
 
-def _told(result: Labelled) -> dict[str, Any]:
+def _entry(result: Labelled) -> dict[str, Any]:
     """Return what the page says of one result by itself."""
     solution, name, state = result.solution, result.label or "result", "unfinished"
     if solution.finished:
@@ -197,13 +197,13 @@ def _differences(cases: Sequence[Case]) -> list[tuple[str, list[str]]]:
 
 def _values(case: Case) -> dict[str, str]:
     """Return the values of a case as texts by their dotted keys, those of a list in one text."""
-    found: dict[str, str] = {}
+    values: dict[str, str] = {}
     for key, value, unit in leaves(case):
         if value is not None:
             text = measured(value, unit, 10) if isinstance(value, float) else str(value)
             key = re.sub(r"\[\d+\]$", "", key)
-            found[key] = joined(found.get(key, ""), text)
-    return found
+            values[key] = joined(values.get(key, ""), text)
+    return values
 
 
 def not_modelled(case: Case) -> list[str]:

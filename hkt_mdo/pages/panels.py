@@ -54,30 +54,30 @@ def points_each(results: Results) -> int:
 
 
 def thinned(time: np.ndarray, values: np.ndarray, most: int) -> np.ndarray:
-    """Return the places of a series that a chart needs: the extremes of equal parts are kept.
+    """Return the indices of a series that a chart needs: the extremes of equal parts are kept.
 
     Parameters
     ----------
     time, values : numpy.ndarray, shape (n_times,)
         The series; NaN is a gap in a line.
     most : int
-        Largest number of places, but for gaps.
+        Largest number of indices, but for gaps.
 
     Returns
     -------
     numpy.ndarray of int
-        Places in their order: the smallest and the largest value of each part, both ends, gaps.
+        In their order: those of the smallest and the largest value of each part, both ends, gaps.
     """
     size = values.size
     if size <= most:
         return np.arange(size)
     edges = np.linspace(0, size, max(1, (most - 2) // 2) + 1).astype(int)
-    kept = [0, size - 1, *np.flatnonzero(~np.isfinite(values) | ~np.isfinite(time))]
+    indices = [0, size - 1, *np.flatnonzero(~np.isfinite(values) | ~np.isfinite(time))]
     for begin, end in pairwise(edges):
         if np.any(np.isfinite(values[begin:end])):
             part = values[begin:end]
-            kept += [begin + np.nanargmin(part), begin + np.nanargmax(part)]
-    return np.unique(kept)
+            indices += [begin + np.nanargmin(part), begin + np.nanargmax(part)]
+    return np.unique(indices)
 
 
 def plain(values: Any, digits: int = 5) -> list[float | None]:
@@ -118,10 +118,10 @@ def _traces(curve: Curve, most: int, shades: str = "") -> list[Chart]:
     """Return a curve as traces, of at most so many points; `shades` names what its colours are."""
     index, name = curve.index or 0, escaped(curve.name)
     named: Chart = {"name": name, "legendgroup": name, "showlegend": bool(name)}
-    kept = thinned(curve.x, curve.y, most) if curve.kind in ("line", "marked") else slice(None)
+    shown = thinned(curve.x, curve.y, most) if curve.kind in ("line", "marked") else slice(None)
     dash = "dot" if curve.index is None else DASHES[index % len(DASHES)]
     trace = named | {"type": "scatter", "mode": "lines"}
-    trace |= {"x": plain(curve.x[kept], 7), "y": plain(curve.y[kept])}
+    trace |= {"x": plain(curve.x[shown], 7), "y": plain(curve.y[shown])}
     marker: Chart = {"color": curve.color}
     trace |= {"customdata": list(curve.links)} if len(curve.links) else {}
     if curve.kind == "runs":
@@ -194,9 +194,9 @@ def stacked(panels: Sequence[Panel], height: int = 150, most: int = MOST_OF_ONE)
     return {"data": data, "layout": layout}
 
 
-def _at(reference: str, place: float, size: int = 12) -> Chart:
+def _at(reference: str, y: float, size: int = 12) -> Chart:
     font = {"size": size} if size == 12 else {"size": size, "color": GREY}
-    return {"yref": reference, "y": place, "showarrow": False, "font": font, "yanchor": "bottom"}
+    return {"yref": reference, "y": y, "showarrow": False, "font": font, "yanchor": "bottom"}
 
 
 def _vertical(panel: Panel) -> Chart:
@@ -217,9 +217,9 @@ def _draw_lines(layout: Chart, panel: Panel, key: str) -> None:
     for name, level, left in panel.placed_levels:
         ends = {"xref": "paper", "x0": 0, "x1": 1, "yref": f"y{key}", "y0": level, "y1": level}
         shapes.append(look | ends)
-        place = {"x": 0.0, "xanchor": "left"} if left else {"x": 1.0, "xanchor": "right"}
+        side = {"x": 0.0, "xanchor": "left"} if left else {"x": 1.0, "xanchor": "right"}
         over = {"bgcolor": f"{GROUND}bb", "borderpad": 0}  # the curve of another result
-        words = {"text": escaped(name), "xref": "paper"} | place | over
+        words = {"text": escaped(name), "xref": "paper"} | side | over
         notes.append(words | _at(f"y{key}", level, 11))
     for name, at in panel.marks.items():
         ends = {"xref": "x", "x0": at, "x1": at, "yref": f"y{key} domain", "y0": 0, "y1": 1}
@@ -249,20 +249,20 @@ def views(results: Results) -> dict[str, dict[str, Chart]]:
     dict of dict
         Where there are several scenarios, the first entry is the envelope of all of them.
     """
-    most, found = points_each(results), {}
+    most, drawn = points_each(results), {}
     names = list(dict.fromkeys(name for each in results for name in each.solution.scenarios))
     parts = {"all scenarios": results} if len(names) > 1 else {}
     parts |= {name: charts.of_scenario(results, name) for name in names}
-    for name, some in parts.items():
-        time = [*charts.operation(some), charts.margins_over_time(some)]
-        found[name] = _drawn(
-            flow=stacked(charts.power_curve(some), 170),
-            year=stacked(charts.year(some), 130),
+    for name, part in parts.items():
+        time = [*charts.operation(part), charts.margins_over_time(part)]
+        drawn[name] = _drawn(
+            flow=stacked(charts.power_curve(part), 170),
+            year=stacked(charts.year(part), 130),
             time=stacked(time, 130, most),
-            limits=stacked(charts.limits(some)),
-            span=stacked(charts.loads(some), 160),
+            limits=stacked(charts.limits(part)),
+            span=stacked(charts.loads(part), 160),
         )
-    return found
+    return drawn
 
 
 def designs(results: Results) -> dict[str, Chart]:

@@ -67,11 +67,11 @@ class Extreme(LoadEntry):
         return Row(limit_words(name), value, unit, joined(note, self.place))
 
 
-def _extreme(limit: Limit, known: dict[str, Any]) -> Extreme:
+def _extreme(limit: Limit, quantities: dict[str, Any]) -> Extreme:
     """Return the report of a limit, from the quantities of a trajectory."""
-    share, over = np.max(limit.share(known)), np.max(limit.excess(known))
-    about = {"share": float(share), "kept": bool(over <= limit.most_between)}
-    return Extreme(**of_limit(limit, known).model_dump(exclude_unset=True), **about)
+    share, over = np.max(limit.share(quantities)), np.max(limit.excess(quantities))
+    verdict = {"share": float(share), "kept": bool(over <= limit.most_between)}
+    return Extreme(**of_limit(limit, quantities).model_dump(exclude_unset=True), **verdict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,20 +132,20 @@ class Run:
         InputError
             If there is no equilibrium in a flow of a resource.
         """
-        design = self.design
+        design, case = self.design, self.design.physics.case
         if not (self.inflow.steady and design.law.is_feedback):
-            about = design.physics.rotor, design.plant, self.simulation, design.controller
-            return (SimulatedDesign(design.physics, *about),)
-        world = replace(physics(in_flow(design.physics.case, self.inflow)), law=design.physics.law)
-        found = []
-        for scenario in world.scenarios:
-            plant = plant_of(world, scenario, design.blade)
-            found.append(in_equilibrium(world, scenario, plant, design.gains, {}))
-            if (stopped := found[-1].simulation.stopped_at) is not None:
+            arguments = design.physics.rotor, design.plant, self.simulation, design.controller
+            return (SimulatedDesign(design.physics, *arguments),)
+        physics_ = replace(physics(in_flow(case, self.inflow)), law=design.physics.law)
+        parts = []
+        for scenario in physics_.scenarios:
+            plant = plant_of(physics_, scenario, design.blade)
+            parts.append(in_equilibrium(physics_, scenario, plant, design.gains, {}))
+            if (stopped := parts[-1].simulation.stopped_at) is not None:
                 problem = f"has no equilibrium of the rotor in {scenario.when(stopped)}"
                 remedy = "give a larger cut_in, or a lower control.cut_out in the design"
                 raise InputError(problem, remedy, key="--flow", value=self.inflow.profile)
-        return tuple(found)
+        return tuple(parts)
 
     @cached_property
     def began(self) -> StartStop:
@@ -158,13 +158,13 @@ class Run:
         """
         return start_and_stop(self.design, self.inflow, self.stop)
 
-    def lines(self, several: bool = False) -> list[str]:
+    def lines(self, with_limits: bool = False) -> list[str]:
         """Describe the simulation.
 
         Parameters
         ----------
-        several : bool
-            Whether there are other ones, so that the limits are told for each.
+        with_limits : bool
+            Whether the limits are told, as where there are other simulations.
 
         Returns
         -------
@@ -175,7 +175,7 @@ class Run:
             lines = [*self.began.lines()]
         else:
             lines = self.in_year or self.memory or [f"without noise: {self.outcome}"]
-            lines[0] += f"; limits: {self.verdicts}" if several else ""
+            lines[0] += f"; limits: {self.verdicts}" if with_limits else ""
             lines += self._with_noise(*self.noise) if self.noise else []
         return [joined(self.name, lines[0]), *lines[1:]]
 
@@ -191,20 +191,20 @@ class Run:
                 if noisy_runs(design, inflow, replace(sensor, snr=np.inf), 1, seed).stalled:
                     behind += ", whose delay stops the rotor without any noise"
         energy = noisy.energy[np.isfinite(noisy.energy)]  # NaN: the rotor stopped
-        told = "no run reached the end"
+        text = "no run reached the end"
         if energy.size:
             mean, spread = energy.mean(), energy.std(ddof=1) if energy.size > 1 else 0.0
             change = 100.0 * (mean / quiet.energy - 1.0)
-            told = f"captured energy of the others: mean {measured(mean, 'J', 6)} ({change:+.3f} % "
-            told += f"from that without noise), standard deviation {measured(spread, 'J')}, worst "
-            told += measured(energy.min(), "J", 6)
+            text = f"captured energy of the others: mean {measured(mean, 'J', 6)} ({change:+.3f} % "
+            text += f"from that without noise), standard deviation {measured(spread, 'J')}, worst "
+            text += measured(energy.min(), "J", 6)
         return [
             f"sensor: {sensor.snr:g} dB of the {sensor.reference} speed, sigma = "
             f"{noisy.noise_deviation:.4f} rad/s, {sensor.rate:g} Hz, seed {seed}; "
             f"BEM table within {noisy.torque_error:.1e}",
             f"filter behind it: {behind}",
             f"rotor stopped in {noisy.stalled} of {repeats} runs",
-            told,
+            text,
         ]
 
     @property
@@ -240,39 +240,39 @@ class Run:
             limit ``limit``, ``share`` (the value over it) and ``kept``. A rotor that stops, stalls
             or runs away is an entry with the instant as its value.
         """
-        world, found = self.design.physics, {}
-        several = [(part.rotor, part.simulated) for part in self.parts]
-        for _, known in several:
+        physics, extremes = self.design.physics, {}
+        operations = [(part.rotor, part.simulated) for part in self.parts]
+        for _, quantities in operations:
             for limit in self.parts[0].physics.scenarios[0].limits:
-                if not limit.bounded and np.isfinite(limit.end_of(limit.reported(known))):
-                    own = _extreme(limit, known)
-                    both = own, found.get(limit.name, own)
-                    found[limit.name] = max(both, key=lambda x: x.share or 0.0)
-        for name, load in placed(self.design.blade, several).items():
-            remark = unasked(name, load, world.case) or "not limited"
-            own = found.get(name, Extreme(**load.model_dump(), remark=remark))
-            found[name] = own.model_copy(update={"r_m": load.r_m})
+                if not limit.bounded and np.isfinite(limit.end_of(limit.reported(quantities))):
+                    entry = _extreme(limit, quantities)
+                    entries = entry, extremes.get(limit.name, entry)
+                    extremes[limit.name] = max(entries, key=lambda x: x.share or 0.0)
+        for name, load in placed(self.design.blade, operations).items():
+            remark = unasked(name, load, physics.case) or "not limited"
+            entry = extremes.get(name, Extreme(**load.model_dump(), remark=remark))
+            extremes[name] = entry.model_copy(update={"r_m": load.r_m})
         if self.inflow.steady:
-            return found
+            return extremes
         if (stopped := self.simulation.stopped_at) is not None:
             remark = "generates no more: the simulation ends there"
-            found["rotor stops"] = Extreme(value=stopped, unit="s", kept=False, remark=remark)
-        ratio, designed = known["tip_speed_ratio"], self.design.solution.summary.tip_speed_ratio
-        slow = ratio < STALLED * ((designed and designed.min) or 0.0)
+            extremes["rotor stops"] = Extreme(value=stopped, unit="s", kept=False, remark=remark)
+        time, designed = quantities["time"], self.design.solution.summary.tip_speed_ratio
+        slow = quantities["tip_speed_ratio"] < STALLED * ((designed and designed.min) or 0.0)
         if stopped is None and np.any(slow):
-            time = float(known["time"][np.argmax(slow)])
+            begin = float(time[np.argmax(slow)])
             remark = "below half of the least tip speed ratio of the design's own flow"
-            found["rotor stalls"] = Extreme(value=time, unit="s", kept=False, remark=remark)
-        fast = known["inflow_speed"] > (world.law.cut_out or np.inf)
+            extremes["rotor stalls"] = Extreme(value=begin, unit="s", kept=False, remark=remark)
+        fast = quantities["inflow_speed"] > (physics.law.cut_out or np.inf)
         if np.any(fast):
-            time = float(known["time"][np.argmax(fast)])
-            share = 100.0 * np.trapezoid(1.0 * fast, known["time"]) / np.ptp(known["time"])
+            begin = float(time[np.argmax(fast)])
+            share = 100.0 * np.trapezoid(1.0 * fast, time) / np.ptp(time)
             remark = f"for {share:.3g} % of the time: the simulation does not stop the machine"
-            found["flow above the cut-out"] = Extreme(value=time, unit="s", remark=remark)
+            extremes["flow above the cut-out"] = Extreme(value=begin, unit="s", remark=remark)
         if (away := self.runs_away) is not None:
             remark = "more than 20 % faster than without memory until then"
-            found["rotor runs away"] = Extreme(value=away, unit="s", kept=False, remark=remark)
-        return found
+            extremes["rotor runs away"] = Extreme(value=away, unit="s", kept=False, remark=remark)
+        return extremes
 
     @cached_property
     def runs_away(self) -> float | None:
@@ -317,8 +317,8 @@ class Run:
             return []
         tau1 = self.design.plant.wake.tau1
         how = "tau1 by the induction" if tau1 is None else f"tau1 = {tau1:g} s"
-        both = {f"with dynamic inflow ({how})": self, "without memory": self.without}
-        return [f"{word}: {each.outcome}" for word, each in both.items()]
+        runs = {f"with dynamic inflow ({how})": self, "without memory": self.without}
+        return [f"{word}: {run.outcome}" for word, run in runs.items()]
 
     @property
     def energies(self) -> dict[str, float | None]:
@@ -329,7 +329,7 @@ class Run:
         dict of float or None
             ``energy`` (captured), ``generator_energy`` and ``electrical_energy``.
         """
-        runs, names = [each.simulation for each in self.parts], INTEGRALS
+        runs, names = [part.simulation for part in self.parts], INTEGRALS
         return {x: None if runs[0].stopped_at else sum(getattr(y, x) for y in runs) for x in names}
 
     @property
@@ -360,8 +360,8 @@ class Run:
         str
             One line.
         """
-        told = ((limit_words(name), x) for name, x in self.extremes.items() if x.share is not None)
-        return joined(*(f"{n} {100.0 * x.share:.2f} %{' BROKEN' * (not x.kept)}" for n, x in told))
+        rows = ((limit_words(name), x) for name, x in self.extremes.items() if x.share is not None)
+        return joined(*(f"{n} {100.0 * x.share:.2f} %{' BROKEN' * (not x.kept)}" for n, x in rows))
 
 
 def runs_of(
@@ -399,9 +399,9 @@ def runs_of(
         none for the turbine.
     """
     flow = flow if isinstance(flow, str) else json.dumps(dict(flow))
-    several, numbers = len(solution.scenarios) > 1, (None,) if seeds is None else _seeds(seeds)
+    named, numbers = len(solution.scenarios) > 1, (None,) if seeds is None else _seeds(seeds)
     runs = [
-        Run(design, flow_given(flow, part.case, seed), part.scenarios[0] if several else "", seed)
+        Run(design, flow_given(flow, part.case, seed), part.scenarios[0] if named else "", seed)
         for part, design in [(part, part.design()) for part in solution.by_scenario]
         for seed in numbers
     ]
@@ -460,18 +460,18 @@ def simulations(
     if condition is not None:
         case = solution.case.with_overrides(f"condition={condition}")
         solution = replace(solution, case=case)
-    own, against = solution.case.inflow_dynamics, ""
+    wake, against = solution.case.inflow_dynamics, ""
     if dynamics is not None or tau1 is not None:
-        asked = json.dumps({"model": dynamics or own.model, "tau1": tau1})
-        own = solution.case.with_overrides(f"inflow_dynamics={asked}").inflow_dynamics
+        asked = json.dumps({"model": dynamics or wake.model, "tau1": tau1})
+        wake = solution.case.with_overrides(f"inflow_dynamics={asked}").inflow_dynamics
     if noise:
         against = "--noise-snr, whose runs take the torque from a table"
     if start:
         against = "--start-up, which begins where the model is not valid (docs/dynamic_inflow.md)"
-    if own.remembers and against and dynamics is not None:  # that of the case is left out
+    if wake.remembers and against and dynamics is not None:  # that of the case is left out
         problem, where = f"does not go with {against}", {"key": "--inflow-dynamics"}
         raise InputError(problem, "leave one of them out", value=dynamics, **where)
-    runs = runs_of(solution, flow, seeds, own.remembers and not against, own.tau1)
+    runs = runs_of(solution, flow, seeds, wake.remembers and not against, wake.tau1)
     return [replace(run, start=start, stop=stop, noise=noise) for run in runs]
 
 
@@ -499,14 +499,14 @@ def largest(runs: Sequence[Run]) -> dict[str, Extreme]:
         By the names of limits and loads; of several runs, with the name of the run. Where a load is
         limited in some of them only, ``NAME without limit`` is that of the others.
     """
-    found: dict[str, Extreme] = {}
+    entries: dict[str, Extreme] = {}
     limited = {name for run in runs for name, x in run.extremes.items() if x.limit is not None}
     for run in runs:
         for name, entry in run.extremes.items():
             key = f"{name} without limit" if name in limited and entry.limit is None else name
-            both = entry.model_copy(update={"scenario": run.name or None}), found.get(key, entry)
-            found[key] = max(both, key=lambda x: x.share or x.value)
-    return found
+            pair = entry.model_copy(update={"scenario": run.name or None}), entries.get(key, entry)
+            entries[key] = max(pair, key=lambda x: x.share or x.value)
+    return entries
 
 
 def records(runs: Iterable[Run]) -> list[dict[str, Any]]:
@@ -522,13 +522,13 @@ def records(runs: Iterable[Run]) -> list[dict[str, Any]]:
     list of dict
         With scenario, seed, quantity and `FIELDS`, in SI units.
     """
-    found = []
+    rows = []
     for run in runs:
         energies = {name: Extreme(value=x, unit="J") for name, x in run.energies.items()}
         for name, entry in (energies | run.extremes).items():
             where = {"scenario": run.scenario, "seed": run.seed, "quantity": name}
-            found.append(where | {field: getattr(entry, field) for field in FIELDS})
-    return found
+            rows.append(where | {field: getattr(entry, field) for field in FIELDS})
+    return rows
 
 
 def write(folder: Path, runs: Iterable[Run]) -> list[Path]:

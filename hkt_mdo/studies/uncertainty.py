@@ -195,12 +195,12 @@ def noisy_runs(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, see
             break
         speed = np.where(np.isnan(stopped), speed, slowest[k])
     energy[np.isfinite(stopped)] = np.nan
-    kept = slice(0, n_samples if np.isnan(stopped[0]) else int(stopped[0] / period))
-    flow, record = flows[kept, 0], record[:, kept]
+    running = slice(0, n_samples if np.isnan(stopped[0]) else int(stopped[0] / period))
+    flow, record = flows[running, 0], record[:, running]
     ratio = record[0, ::10] * radius / flow[::10]
     exact = plant.coefficient(ratio)
     error = np.max(np.abs(tabulated.coefficient(ratio) - exact)) / np.max(np.abs(exact))
-    return Ensemble(energy, stopped, deviation, times[kept], flow, *record, float(error))
+    return Ensemble(energy, stopped, deviation, times[running], flow, *record, float(error))
 
 
 def _largest_slope(plant, run):
@@ -220,7 +220,7 @@ def _advanced(law, speed, flow, gains, states, period):
     slopes = np.moveaxis(law.slopes(speed, flow, gains, *states)[1:, 1:], -1, 0)
     rates = np.stack(law.rates(speed, flow, gains, *states), axis=-1)
     change = np.linalg.solve(np.eye(len(states)) - period * slopes, period * rates[..., None])
-    return [each + change[:, i, 0] for i, each in enumerate(states)]
+    return [state + change[:, i, 0] for i, state in enumerate(states)]
 
 
 def _runge_kutta(plant, speed, control, flows, step):
