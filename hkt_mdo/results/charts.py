@@ -105,15 +105,15 @@ def labelled(solutions: Solutions) -> list[Labelled]:
     That are the names of the cases, those of the folders where these are equal, with numbers where
     those are, too.
     """
-    several = [solutions] if isinstance(solutions, Solution) else list(solutions)
-    if len(several) == 1:
-        return [Labelled(several[0], "")]
-    names = [printable(each.name) for each in several]
+    chosen = [solutions] if isinstance(solutions, Solution) else list(solutions)
+    if len(chosen) == 1:
+        return [Labelled(chosen[0], "")]
+    names = [printable(each.name) for each in chosen]
     if len({*names}) < len(names):
-        names = [printable(each.folder.resolve().name) for each in several]
+        names = [printable(each.folder.resolve().name) for each in chosen]
     if len({*names}) < len(names):
         names = [f"{number}: {name}" for number, name in enumerate(names, 1)]
-    return list(map(Labelled, several, names, range(len(several))))
+    return list(map(Labelled, chosen, names, range(len(chosen))))
 
 
 def by_scenario(results: Results) -> list[Labelled]:
@@ -129,9 +129,9 @@ def by_scenario(results: Results) -> list[Labelled]:
 def of_scenario(results: Results, name: str) -> list[Labelled]:
     """Return one scenario of the results that have it."""
     return [
-        each._replace(solution=each.solution.scenario(name))
-        for each in results
-        if name in each.solution.scenarios
+        result._replace(solution=result.solution.scenario(name))
+        for result in results
+        if name in result.solution.scenarios
     ]
 
 
@@ -146,11 +146,11 @@ def _panel_of(results: Results, quantity: str, across: str) -> tuple[Panel, floa
 
     Torques of large machines are in kN m, as are moments of a blade.
     """
-    own = QUANTITIES[quantity].unit
-    unit, scale = UNITS.get(own, (plain_unit(own or "-"), 1.0))
+    si_unit = QUANTITIES[quantity].unit
+    unit, scale = UNITS.get(si_unit, (plain_unit(si_unit or "-"), 1.0))
     torques = [each.solution.summary.control_torque_max_Nm or 0.0 for each in results]
     most = max(torques, default=0.0)
-    if own == "N*m" and (most >= LARGE_TORQUE or quantity == "root_moment"):
+    if si_unit == "N*m" and (most >= LARGE_TORQUE or quantity == "root_moment"):
         unit, scale = "kN m", 1e-3
     levels = levels_of(results, quantity, scale)
     words = NAMES.get(quantity, limit_words(quantity))
@@ -162,15 +162,15 @@ def levels_of(results: Results, quantity: str, scale: float) -> dict[str, float]
 
     Their words name the results and scenarios where not all have the limit.
     """
-    found: dict[tuple[str, float], list[str]] = {}
+    labels: dict[tuple[str, float], list[str]] = {}
     results = by_scenario(results)
     for solution, label, _ in results:
         limits = map(solution.limit_levels, LIMITED_BY.get(quantity, (quantity,)))
         for limit, level in chain.from_iterable(limits):
             words = f"{limit_words(limit.name)} limit {measured(limit.end, limit.unit or '', 4)}"
-            found.setdefault((words, level), []).append(label)
+            labels.setdefault((words, level), []).append(label)
     named = {}
-    for (words, level), names in found.items():
+    for (words, level), names in labels.items():
         apart = [] if len(names) == len(results) else list(filter(None, dict.fromkeys(names)))
         named[words + (f" in {' and '.join(apart)}" if apart else "")] = scale * level
     return named
@@ -186,17 +186,17 @@ def over_time(results: Results, quantity: str, nodes: bool = False) -> Panel:
     single result is shown at the collocation nodes, too.
     """
     column, (panel, scale) = QUANTITIES[quantity].column, _panel_of(results, quantity, "time (s)")
-    for each in results:
-        one = each.solution
-        if len(one.scenarios) > 1:
-            panel.curves += _envelope(each, quantity, "time", scale)
+    for result in results:
+        solution = result.solution
+        if len(solution.scenarios) > 1:
+            panel.curves += _envelope(result, quantity, "time", scale)
             continue
-        both = {"simulation": one.simulation, "collocation nodes": one.trajectory}
-        known = [(name, x) for name, x in both.items() if column in x and not one.steady]
-        for name, table in known[:1]:
-            x, y = one.across_gaps(table["time_s"], scale * table[column])
-            panel.curves.append(each.curve(x, y, each.label or name, quantity))
-        for name, table in known[1:] if nodes and not each.label else ():
+        tables = {"simulation": solution.simulation, "collocation nodes": solution.trajectory}
+        shown = [(name, x) for name, x in tables.items() if column in x and not solution.steady]
+        for name, table in shown[:1]:
+            x, y = solution.across_gaps(table["time_s"], scale * table[column])
+            panel.curves.append(result.curve(x, y, result.label or name, quantity))
+        for name, table in shown[1:] if nodes and not result.label else ():
             x, y = table["time_s"], scale * table[column]
             panel.curves.append(Curve(x, y, name, GREY, 0, "points"))
     return panel
@@ -204,9 +204,9 @@ def over_time(results: Results, quantity: str, nodes: bool = False) -> Panel:
 
 def operation(results: Results, nodes: bool = False) -> list[Panel]:
     """Return operation over time, with the loads that are limited."""
-    given = {limit.name for each in _alone(results) for limit in each.solution.limits}
-    names = *TIME, *(x for x in LIMITED if x in given)
-    return [over_time(results, each, nodes) for each in names]
+    limited = {limit.name for each in _alone(results) for limit in each.solution.limits}
+    names = *TIME, *(x for x in LIMITED if x in limited)
+    return [over_time(results, name, nodes) for name in names]
 
 
 def over_flow(results: Results, quantity: str) -> Panel:
@@ -214,36 +214,36 @@ def over_flow(results: Results, quantity: str) -> Panel:
     column = QUANTITIES[quantity].column
     panel, scale = _panel_of(results, quantity, "inflow speed (m/s)")
     panel.from_zero = panel.across_from_zero = True
-    for each in results:
-        if len(each.solution.scenarios) > 1:
-            panel.curves += _envelope(each, quantity, "inflow_speed", scale)
+    for result in results:
+        if len(result.solution.scenarios) > 1:
+            panel.curves += _envelope(result, quantity, "inflow_speed", scale)
             continue
-        solution, label, table = each.solution, each.label, each.table
+        solution, label, table = result.solution, result.label, result.table
         if column not in table:
             continue
         flow = table["inflow_speed_m_s"]
         speed, mean, low, high = binned(flow, scale * table[column], solution.steady)
         if not solution.steady:
             name = "" if label else "90 % of the instants"
-            panel.curves.append(each.curve(speed, high, name, quantity, kind="band", low=low))
+            panel.curves.append(result.curve(speed, high, name, quantity, kind="band", low=low))
         name = label or "mean at this flow speed"
-        panel.curves.append(each.curve(speed, mean, name, quantity, kind="marked"))
+        panel.curves.append(result.curve(speed, mean, name, quantity, kind="marked"))
         steady = steady_curve(solution)
         if column in steady:
-            name, ink = ("", each.color()) if label else ("in steady flow", GREY)
+            name, ink = ("", result.color()) if label else ("in steady flow", GREY)
             x, y = steady["inflow_speed_m_s"], scale * steady[column]
             panel.curves.append(Curve(x, y, name, ink, None))
         if quantity == "generator_power":
-            panel.curves += _power_curves(each)
+            panel.curves += _power_curves(result)
         stop = solution.case.control.cut_out
         panel.marks |= {} if stop is None else {f"cut-out {stop:g} m/s": stop}
     return panel
 
 
-def _power_curves(each: Labelled) -> Iterator[Curve]:
+def _power_curves(result: Labelled) -> Iterator[Curve]:
     """Yield the electrical power of a generator with losses, and the rated point."""
-    (solution, label, index), table = each, each.table
-    color, electrical = each.color("generator_power"), table["electrical_power_W"]
+    (solution, label, index), table = result, result.table
+    color, electrical = result.color("generator_power"), table["electrical_power_W"]
     if not np.allclose(electrical, table["generator_power_W"]):
         speed, mean, *_ = binned(table["inflow_speed_m_s"], 1e-3 * electrical, solution.steady)
         yield Curve(speed, mean, joined(label, "electrical power, mean"), color, index + 1)
@@ -255,7 +255,7 @@ def _power_curves(each: Labelled) -> Iterator[Curve]:
 
 def power_curve(results: Results) -> list[Panel]:
     """Return power, speed, torque and thrust over the flow speed."""
-    return [over_flow(results, each) for each in FLOW]
+    return [over_flow(results, quantity) for quantity in FLOW]
 
 
 def year(results: Results) -> list[Panel]:
@@ -263,10 +263,10 @@ def year(results: Results) -> list[Panel]:
     panels = []
     for column, (title, scale, quantity) in YEAR.items():
         panel = Panel(title, "inflow speed (m/s)", from_zero=True)
-        for each in results:
-            if len(each.solution.scenarios) == 1 and (table := each.solution.year):
+        for result in results:
+            if len(result.solution.scenarios) == 1 and (table := result.solution.year):
                 x, y = table["inflow_speed_m_s"], scale * table[column]
-                panel.curves.append(each.curve(x, y, each.label, quantity, kind="bar"))
+                panel.curves.append(result.curve(x, y, result.label, quantity, kind="bar"))
         panels.append(panel)
     return panels
 
@@ -275,54 +275,54 @@ def limits(results: Results) -> list[Panel]:
     """Return a bar for each limit of each result: the largest value over the limit (%)."""
     title = "largest value over its limit (%)"
     panel = Panel(title, "", levels={"limit": 100.0}, from_zero=True)
-    told: dict[str, list[str]] = {}
-    for each in results:
-        shares = [one.limit_shares() for one in each.solution.by_scenario]
+    percentages: dict[str, list[str]] = {}
+    for result in results:
+        shares = [one.limit_shares() for one in result.solution.by_scenario]
         for limit in dict.fromkeys(chain.from_iterable(shares)):
             most = 100.0 * max(float(np.nanmax(x[limit])) for x in shares if limit in x)
-            told.setdefault(limit, []).append(f"{most:.1f}")
-            x, y = np.array([[*told].index(limit)]), np.array([most])
-            panel.curves.append(each.curve(x, y, each.label or "largest value", limit, kind="bar"))
-    values = ((limit_words(x).replace(" ", "\n"), ", ".join(y)) for x, y in told.items())
+            percentages.setdefault(limit, []).append(f"{most:.1f}")
+            x, y = np.array([[*percentages].index(limit)]), np.array([most])
+            panel.curves += [result.curve(x, y, result.label or "largest value", limit, kind="bar")]
+    values = ((limit_words(x).replace(" ", "\n"), ", ".join(y)) for x, y in percentages.items())
     panel.ticks = [f"{words}\n{numbers} %" for words, numbers in values]
     return [panel]
 
 
 def margins_over_time(results: Results) -> Panel:
     """Return the margin of each limit, or the smallest of several results or scenarios."""
-    several = any(each.label or len(each.solution.scenarios) > 1 for each in results)
-    words = "smallest margin of all limits" if several else "margin of each limit"
+    smallest = any(each.label or len(each.solution.scenarios) > 1 for each in results)
+    words = "smallest margin of all limits" if smallest else "margin of each limit"
     panel = Panel(f"{words} (%)", "time (s)", levels={"limit": 0.0})
-    for each in results:
-        alone = _alone([each], "time")
+    for result in results:
+        alone = _alone([result], "time")
         used = [(x.solution, x.table["time_s"], x.solution.limit_shares()) for x in alone]
-        for solution, time, shares in used if not several else ():
+        for solution, time, shares in used if not smallest else ():
             for number, (limit, share) in enumerate(shares.items()):
                 x, y = solution.across_gaps(time, 100.0 * (1.0 - share))
                 name = f"margin: {limit_words(limit)}"
-                panel.curves.append(Curve(x, y, name, each.color(limit), number))
+                panel.curves.append(Curve(x, y, name, result.color(limit), number))
         used = [part for part in used if part[2]]
         parts = [(time, 100.0 * (1.0 - np.max([*x.values()], axis=0))) for _, time, x in used]
-        if several and parts:
+        if smallest and parts:
             x, y = used[0][0].across_gaps(*parts[0])
             if len(parts) > 1:
                 x, _, y, _ = _ranges(parts, ENVELOPE)
-            panel.curves.append(each.curve(x, y, each.label or "smallest margin"))
+            panel.curves.append(result.curve(x, y, result.label or "smallest margin"))
     return panel
 
 
 # ---- from the smallest to the largest value of several scenarios
 
 
-def _envelope(each: Labelled, quantity: str, over: str, scale: float) -> Iterator[Curve]:
+def _envelope(result: Labelled, quantity: str, over: str, scale: float) -> Iterator[Curve]:
     """Yield the range of a quantity over several scenarios, over `time` or `inflow_speed`."""
     x, column = QUANTITIES[over].column, QUANTITIES[quantity].column
-    tables = [one.table for one in _alone([each], over)]
+    tables = [one.table for one in _alone([result], over)]
     parts = [(table[x], scale * table[column]) for table in tables if column in table]
     if parts:
-        place, _, low, high = _ranges(parts, ENVELOPE if over == "time" else BINS)
-        name = each.label or "smallest to largest of all scenarios"
-        yield each.curve(place, high, name, quantity, kind="band", low=low)
+        abscissa, _, low, high = _ranges(parts, ENVELOPE if over == "time" else BINS)
+        name = result.label or "smallest to largest of all scenarios"
+        yield result.curve(abscissa, high, name, quantity, kind="band", low=low)
 
 
 def _ranges(parts: Sequence[tuple[np.ndarray, np.ndarray]], most: int) -> np.ndarray:
@@ -341,18 +341,18 @@ def _beside_start(results: Results, source: str, x: str, y: str, kind: str) -> I
     The start is there once if it is the same.
     """
     starts: list[np.ndarray] = []
-    for each in results:
-        table = getattr(each.solution, source)
+    for result in results:
+        table = getattr(result.solution, source)
         if y not in table:
             continue
         start = table.get(f"start_{y}")
         same = np.array_equal(start, table[y])  # the blade is not designed
-        known = start is None or any(np.array_equal(start, other) for other in starts)
-        if not same and not known:
+        drawn = start is None or any(np.array_equal(start, other) for other in starts)
+        if not same and not drawn:
             starts.append(start)
             yield Curve(table[x], start, "blade at the start", GREY, None, kind)
-        name = each.label or ("blade" if same else "optimized blade")
-        yield each.curve(table[x], table[y], name, kind=kind)
+        name = result.label or ("blade" if same else "optimized blade")
+        yield result.curve(table[x], table[y], name, kind=kind)
 
 
 def over_radius(results: Results, column: str) -> Panel:
@@ -364,11 +364,11 @@ def over_radius(results: Results, column: str) -> Panel:
     panel.curves = [*_beside_start(results, "blade", "r_m", column, "marked")]
     quantity, unit = column.split("_", 1)
     designs = [each.solution.case.design for each in results]
-    given = {getattr(x, f"{quantity}_bounds") for x in designs if x.blade == "optimized"}
-    if panel.curves and len(given) == 1:
-        values = np.concatenate([each.y for each in panel.curves])
+    bounds = {getattr(x, f"{quantity}_bounds") for x in designs if x.blade == "optimized"}
+    if panel.curves and len(bounds) == 1:
+        values = np.concatenate([curve.y for curve in panel.curves])
         low, high = (1.5 * end(values, initial=0.0) for end in (np.min, np.max))
-        for word, bound in zip(("smallest", "largest"), given.pop() or (), strict=False):
+        for word, bound in zip(("smallest", "largest"), bounds.pop() or (), strict=False):
             if low <= bound <= high:
                 words = f"{word} {quantity} {bound:.4g} {unit.replace('over_chord', '')}".rstrip()
                 panel.levels[words] = bound
@@ -377,18 +377,18 @@ def over_radius(results: Results, column: str) -> Panel:
 
 def shape(results: Results) -> list[Panel]:
     """Return chord, twist and a designed thickness over the radius."""
-    return [over_radius(results, each) for each in RADIUS]
+    return [over_radius(results, column) for column in RADIUS]
 
 
 def planform(results: Results) -> Panel:
     """Return the outline of the untwisted blade in scale, with its axis."""
     panel = Panel("planform,\nin scale (m)", "radius (m)", in_scale=True, across_from_zero=True)
-    for each in results:
-        if blade := each.solution.blade:
+    for result in results:
+        if blade := result.solution.blade:
             radius, chord = blade["r_m"], blade["chord_m"]
             around = np.r_[radius, radius[::-1], radius[:1]]
             edges = np.r_[STACKING * chord, (STACKING - 1.0) * chord[::-1], STACKING * chord[:1]]
-            panel.curves.append(each.curve(around, edges, each.label))
+            panel.curves.append(result.curve(around, edges, result.label))
     if panel.curves:
         ends = np.array([0.0, panel.curves[0].x.max()])
         panel.curves.append(Curve(ends, np.zeros(2), AXIS, GREY, None))
@@ -401,22 +401,22 @@ def sections(results: Results) -> Panel:
     Results whose files or outlines are not known are left out.
     """
     panel = Panel("sections,\nin scale (m)", "", in_scale=True)
-    known = []
-    for each in results:
+    pairs = []
+    for result in results:
         with suppress(InputError):
-            known.append((each, sections_of(each.solution, SHOWN)))
+            pairs.append((result, sections_of(result.solution, SHOWN)))
     end = 0.0
-    for number, place in enumerate(SHOWN if known else ()):
-        drawn = np.array([found[number] for _, found in known])
+    for number, position in enumerate(SHOWN if pairs else ()):
+        drawn = np.array([outlines[number] for _, outlines in pairs])
         low, high = drawn.min(axis=(0, 1)), drawn.max(axis=(0, 1))
         axis = end - low[0]
-        for each, found in known:
-            x, y = np.append(found[number], found[number][:1], axis=0).T
-            panel.curves.append(each.curve(axis + x, y, "" if number else each.label))
+        for result, outlines in pairs:
+            x, y = np.append(outlines[number], outlines[number][:1], axis=0).T
+            panel.curves.append(result.curve(axis + x, y, "" if number else result.label))
         name = "" if number else AXIS
         panel.curves.append(Curve(np.array([axis]), np.zeros(1), name, GREY, None, "points"))
         middle = end + 0.5 * (high[0] - low[0])
-        panel.notes.append((float(middle), float(high[1]), f"{100.0 * place:g} % span"))
+        panel.notes.append((float(middle), float(high[1]), f"{100.0 * position:g} % span"))
         end += 1.15 * (high[0] - low[0])
     return panel
 
@@ -433,16 +433,16 @@ def coefficient(results: Results, word: str) -> Panel:
     for curve in _beside_start(results, "coefficients", "tip_speed_ratio", column, "line"):
         curve.y = np.where(curve.y >= 0.0, curve.y, np.nan)  # below, it drives the water
         panel.curves.append(curve)
-    for each in results if panel.curves else ():
-        summary = each.solution.summary
+    for result in results if panel.curves else ():
+        summary = result.solution.summary
         peak = getattr(summary, f"{column}_max", None)
-        if peak is not None and column in each.solution.coefficients:
+        if peak is not None and column in result.solution.coefficients:
             x = np.array([getattr(summary, f"tip_speed_ratio_at_{column}_max")])
-            name = "" if each.index else "largest value"
-            panel.curves.append(each.curve(x, np.array([peak]), name, kind="points"))
+            name = "" if result.index else "largest value"
+            panel.curves.append(result.curve(x, np.array([peak]), name, kind="points"))
         if summary.tip_speed_ratio and (ends := summary.tip_speed_ratio.ends):
-            name, place = "" if each.index else "range operated in", each.index
-            panel.spans.append(Span(*ends, name, each.color(), place if each.label else None))
+            name, index = "" if result.index else "range operated in", result.index
+            panel.spans.append(Span(*ends, name, result.color(), index if result.label else None))
     return panel
 
 
@@ -462,37 +462,37 @@ def over_span(results: Results, column: str) -> Panel:
     panel.from_zero = True
     if moment:  # along the blade
         panel.title, panel.levels = "flapwise moment (kN m)", {}
-    for each in results:
-        tables = [one.loads for one in each.solution.by_scenario if column in one.loads]
+    for result in results:
+        tables = [one.loads for one in result.solution.by_scenario if column in one.loads]
         if tables:
-            entry = (each.solution.summary.loads or {}).get(load)
+            entry = (result.solution.summary.loads or {}).get(load)
             words = f"at the largest {'suction' if load == 'cavitation' else load}"
             words += "" if entry is None or entry.time_s is None else f", t = {entry.time_s:.2f} s"
             x, y = tables[0]["r_over_R"], scale * np.max([x[column] for x in tables], axis=0)
-            panel.curves.append(each.curve(x, y, each.label or words, quantity))
+            panel.curves.append(result.curve(x, y, result.label or words, quantity))
     return panel
 
 
 def loads(results: Results) -> list[Panel]:
     """Return the loads along the blade."""
-    return [over_span(results, each) for each in OVER_SPAN]
+    return [over_span(results, column) for column in OVER_SPAN]
 
 
 def convergence(results: Results) -> list[Panel]:
     """Return infeasibility, and how far the objective is from its last value, by evaluation."""
     panel = Panel(f"relative, at least {LEAST_SHOWN:.0e} (-)", "evaluation (-)", log=True)
-    for each in results:
-        if table := each.solution.convergence:
+    for result in results:
+        if table := result.solution.convergence:
             objective = table["energy_J"]
-            known = objective[np.isfinite(objective)]
-            last = known[-1] if known.size and known[-1] else 1.0
+            finite = objective[np.isfinite(objective)]
+            last = finite[-1] if finite.size and finite[-1] else 1.0
             distance = np.maximum(np.abs(objective / last - 1.0), LEAST_SHOWN)
             broken = np.maximum(table["infeasibility"], LEAST_SHOWN)
-            name = joined(each.label, "objective: distance from its last value")
-            panel.curves.append(each.curve(table["evaluation"], distance, name, kind="marked"))
-            name = joined(each.label, "infeasibility, scaled")
-            color = each.color() if each.label else COLORS[1]
-            after = each.index + len(results)  # another line style
+            name = joined(result.label, "objective: distance from its last value")
+            panel.curves.append(result.curve(table["evaluation"], distance, name, kind="marked"))
+            name = joined(result.label, "infeasibility, scaled")
+            color = result.color() if result.label else COLORS[1]
+            after = result.index + len(results)  # another line style
             panel.curves.append(Curve(table["evaluation"], broken, name, color, after, "marked"))
     return [panel]
 
@@ -526,8 +526,8 @@ def figure_of(solutions: Solutions, name: str, scenario: str = "") -> Figure | N
     elif name not in ("blade", "coefficients", "convergence"):  # which are of the whole result
         results = by_scenario(results)
     panels = make(results)
-    known = any(panel.curves for panel in panels)
-    return style.figure_of_panels(panels, width, height, title) if known else None
+    has_data = any(panel.curves for panel in panels)
+    return style.figure_of_panels(panels, width, height, title) if has_data else None
 
 
 class Figures(dict[str, Figure]):
@@ -535,7 +535,7 @@ class Figures(dict[str, Figure]):
 
     def _repr_html_(self) -> str:
         pictures = (base64.b64encode(style.picture(figure)).decode() for figure in self.values())
-        return "".join(f'<img src="data:image/png;base64,{each}">' for each in pictures)
+        return "".join(f'<img src="data:image/png;base64,{picture}">' for picture in pictures)
 
 
 def figures(solutions: Solutions, names: Sequence[str] = ()) -> Figures:
@@ -561,17 +561,17 @@ def figures(solutions: Solutions, names: Sequence[str] = ()) -> Figures:
         If there is no figure of a name.
     """
     drawn: dict[str, Figure | None] = {}
-    several = [solutions] if isinstance(solutions, Solution) else solutions
+    chosen = [solutions] if isinstance(solutions, Solution) else solutions
     for name in names or FIGURES:
         if name not in FIGURES:
             raise InputError("unknown figure", f"known: {', '.join(FIGURES)}", value=name)
         of_one = name in ("operation", "limits", "year")  # a figure of one scenario each
-        if of_one and any(len(each.scenarios) > 1 for each in several):
-            for one in dict.fromkeys(name for each in several for name in each.scenarios):
-                drawn[f"{name}_{one}"] = figure_of(several, name, one)
+        if of_one and any(len(each.scenarios) > 1 for each in chosen):
+            for one in dict.fromkeys(name for each in chosen for name in each.scenarios):
+                drawn[f"{name}_{one}"] = figure_of(chosen, name, one)
         else:
-            drawn[name] = figure_of(several, name)
-    return Figures({name: each for name, each in drawn.items() if each})
+            drawn[name] = figure_of(chosen, name)
+    return Figures({name: figure for name, figure in drawn.items() if figure})
 
 
 # ---- polars, for `hkt check` and `hkt polar`
@@ -591,7 +591,7 @@ def polar_panels(curves: Sequence[tuple[str, Polar, np.ndarray, np.ndarray]]) ->
     list of Panel
         Of many curves only the first and the last are named.
     """
-    several = len(curves) > MOST_NAMED
+    many = len(curves) > MOST_NAMED
     shades = [to_hex(each) for each in colormaps["viridis"](np.linspace(0.0, 0.9, len(curves)))]
     panels = [Panel(title, "angle of attack (deg)") for title in POLARS]
     for number, (label, polar, angle, sure) in enumerate(curves):
@@ -600,9 +600,9 @@ def polar_panels(curves: Sequence[tuple[str, Polar, np.ndarray, np.ndarray]]) ->
         if polar.suction is not None:  # none is known beyond the table
             inside = (angle >= polar.alpha_min) & (angle <= polar.alpha_max)
             columns.append(np.where(inside, np.max(polar.suction_at(angle)[0], axis=0), np.nan))
-        name = "" if several and 0 < number < len(curves) - 1 else label
+        name = "" if many and 0 < number < len(curves) - 1 else label
         for panel, y in zip(panels, columns, strict=False):
-            x, color, known = np.rad2deg(angle), shades[number], np.where(sure, y, np.nan)
+            x, color, certain = np.rad2deg(angle), shades[number], np.where(sure, y, np.nan)
             panel.curves.append(Curve(x, y, "", color, None))
-            panel.curves.append(Curve(x, known, name, color, 0 if several else number))
+            panel.curves.append(Curve(x, certain, name, color, 0 if many else number))
     return panels

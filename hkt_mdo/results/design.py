@@ -77,12 +77,12 @@ class Design:
         InputError
             If a file of the case is gone or broken, or the case has other stations.
         """
-        summary, world = solution.summary, physics(solution.case.of_scenario())
-        blade = replace(blade_of(solution, world.blade), hub_inertia=summary.hub_inertia_kg_m2)
-        plant = steady_plant(world, world.rotor, blade)
+        summary, physics_ = solution.summary, physics(solution.case.of_scenario())
+        blade = replace(blade_of(solution, physics_.blade), hub_inertia=summary.hub_inertia_kg_m2)
+        plant = steady_plant(physics_, physics_.rotor, blade)
         gains = np.atleast_1d([] if summary.gain is None else summary.gain).astype(float)
-        turbine = world.turbine._replace(blade=blade, polar=plant.polar)
-        return cls(solution, blade, gains, plant.inertia, turbine, world, plant, plant)
+        turbine = physics_.turbine._replace(blade=blade, polar=plant.polar)
+        return cls(solution, blade, gains, plant.inertia, turbine, physics_, plant, plant)
 
     @property
     def law(self) -> Law:

@@ -108,8 +108,8 @@ def claim(out: Path, scenarios: Sequence[str] = ()) -> None:
         written = re.compile(_WRITTEN.format(f"({''.join(f'|_{name}' for name in names)})"))
         # a link to a folder may lead to files that no run wrote
         folders = [out, figures] if figures.is_dir() and not figures.is_symlink() else [out]
-        found = [path for folder in folders for path in folder.iterdir() if not path.is_dir()]
-        for path in sorted(found, key=lambda path: path.name != "summary.json"):
+        files = [path for folder in folders for path in folder.iterdir() if not path.is_dir()]
+        for path in sorted(files, key=lambda path: path.name != "summary.json"):
             if written.fullmatch(path.relative_to(out).as_posix()):
                 path.unlink()
         write_files({mark: "\n".join([_MARKED, *scenarios]) + "\n"})

@@ -56,15 +56,15 @@ def dominated(solutions: Iterable[Solution]) -> list[Dominated]:
     list of Dominated
         One for each result that is dominated, with the best of those that beat it.
     """
-    known, found = list(solutions), []
-    verified = [each for each in known if each.success]
-    for result in known:
+    results, entries = list(solutions), []
+    verified = [each for each in results if each.success]
+    for result in results:
         others = [each for each in verified if each is not result and allows(result, each)]
         if others:
             best = max(others, key=lambda other: _gain(result, other))
             gain = _gain(result, best) if result.success else np.inf
-            found += [Dominated(result, best, gain)] if gain > BETTER else []
-    return found
+            entries += [Dominated(result, best, gain)] if gain > BETTER else []
+    return entries
 
 
 def remarks(solutions: Iterable[Solution]) -> list[str]:
@@ -80,13 +80,13 @@ def remarks(solutions: Iterable[Solution]) -> list[str]:
     list of str
         Whether objectives or flows differ, and which results are dominated.
     """
-    known, found = list(solutions), []
-    if len({each.case.objective.kind for each in known}) > 1:
-        found.append("the objectives differ: results are in the order given")
+    results, lines = list(solutions), []
+    if len({each.case.objective.kind for each in results}) > 1:
+        lines.append("the objectives differ: results are in the order given")
     flow = {"inflow", "resource", "scenarios"}
-    if len({each.case.model_dump_json(include=flow) for each in known}) > 1:
-        found.append("the flows differ: objectives and loads are not of the same conditions")
-    return [*found, *map(str, dominated(known))]
+    if len({each.case.model_dump_json(include=flow) for each in results}) > 1:
+        lines.append("the flows differ: objectives and loads are not of the same conditions")
+    return [*lines, *map(str, dominated(results))]
 
 
 def ranked(solutions: Iterable[Solution]) -> tuple[list[Solution], list[list[Row]]]:
@@ -107,22 +107,22 @@ def ranked(solutions: Iterable[Solution]) -> tuple[list[Solution], list[list[Row
         By how much each of several objectives differs from that of the best success, a row each;
         none where that is not known.
     """
-    known, measure = list(solutions), "objective"
-    values = [_objective(each) if each.finished else None for each in known]
-    durations = [each.case.phase.duration for each in known]
-    if len({*durations}) > 1 and known[0].case.objective.is_rate:
+    results, measure = list(solutions), "objective"
+    values = [_objective(each) if each.finished else None for each in results]
+    durations = [each.case.phase.duration for each in results]
+    if len({*durations}) > 1 and results[0].case.objective.is_rate:
         measure = "objective over duration"
         values = [x and t and x / t for x, t in zip(values, durations, strict=True)]
-    kinds = {x.case.objective.kind for x, value in zip(known, values, strict=True) if value}
-    sign = known[0].case.objective.sign if len(kinds) == 1 else 0.0
+    kinds = {x.case.objective.kind for x, value in zip(results, values, strict=True) if value}
+    sign = results[0].case.objective.sign if len(kinds) == 1 else 0.0
     pairs = sorted(
-        zip(values, known, strict=True),
+        zip(values, results, strict=True),
         key=lambda x: (x[0] is None, not x[1].success, -sign * (x[0] or 0.0)),
     )
     best, first = pairs[0]
 
     def behind(value: float | None) -> list[Row]:
-        if best is None or value is None or len(kinds) > 1 or len(known) == 1:
+        if best is None or value is None or len(kinds) > 1 or len(results) == 1:
             return []
         share = 0.0 - first.case.objective.behind(value, best)
         return [Row(f"{measure}, relative to the best", f"{100.0 * share:+.4f} %")]
@@ -152,46 +152,46 @@ def allows(result: Solution, other: Solution) -> bool:
         Also False if a branch is required, or if it is not known: for limits on the design, several
         scenarios, and quantities that the other's tables lack.
     """
-    own, theirs = result.case, other.case
-    if own.start.branch not in ("best", theirs.start.branch):
+    case, theirs = result.case, other.case
+    if case.start.branch not in ("best", theirs.start.branch):
         return False
-    if own.scenarios or own.model_dump(exclude=OWN) != theirs.model_dump(exclude=OWN):
+    if case.scenarios or case.model_dump(exclude=OWN) != theirs.model_dump(exclude=OWN):
         return False
-    phases = [(x.phase.duration, x.phase.initial_speed) for x in (own, theirs)]
-    ends = own.phase.final_speed in ("initial", theirs.phase.final_speed)
-    if phases[0] != phases[1] or not ends or not own.control.contains(theirs.control):
+    phases = [(x.phase.duration, x.phase.initial_speed) for x in (case, theirs)]
+    ends = case.phase.final_speed in ("initial", theirs.phase.final_speed)
+    if phases[0] != phases[1] or not ends or not case.control.contains(theirs.control):
         return False
     return _allows_blade(result, other) and _keeps_limits(result, other)
 
 
 def _allows_blade(result, other) -> bool:
     """Tell whether the other's blade is one that the result's case may design."""
-    own, theirs = result.case.design, other.case.design
-    if own == theirs:
+    design, theirs = result.case.design, other.case.design
+    if design == theirs:
         blades = [(x.summary.chord_m, x.summary.twist_deg) for x in (result, other)]
-        return own.blade == "optimized" or bool(np.allclose(*blades, rtol=1e-9, atol=0.0))
-    unlike = own.hub_inertia_bounds, theirs.hub_inertia_bounds, theirs.thickness_points
-    unlike += own.gain_bounds, own.chord_points, own.twist_points, own.thickness_points
-    if own.blade == "fixed" or any(unlike):
+        return design.blade == "optimized" or bool(np.allclose(*blades, rtol=1e-9, atol=0.0))
+    unlike = design.hub_inertia_bounds, theirs.hub_inertia_bounds, theirs.thickness_points
+    unlike += design.gain_bounds, design.chord_points, design.twist_points, design.thickness_points
+    if design.blade == "fixed" or any(unlike):
         return False
     chord, twist = other.summary.chord_m, other.summary.twist_deg
-    bounds = (chord, own.chord_bounds or (0.0, np.inf)), (twist, own.twist_bounds)
+    bounds = (chord, design.chord_bounds or (0.0, np.inf)), (twist, design.twist_bounds)
     within = all(low <= min(values) and max(values) <= high for values, (low, high) in bounds)
     return within and other.summary.rotor_radius_m == result.summary.rotor_radius_m
 
 
 def _keeps_limits(result, other) -> bool:
     """Tell whether the other's integration keeps every limit of the result's case."""
-    given = result.case.limits.given
+    limits = result.case.limits.given
     if other.summary.loads is None:
         return False
-    theirs = {each.name: each for each in other.case.limits.given}
+    theirs = {limit.name: limit for limit in other.case.limits.given}
     # the suction in the tables depends on depth and margin
-    if any(x.name == "cavitation" and theirs.get(x.name) not in (None, x) for x in given):
+    if any(x.name == "cavitation" and theirs.get(x.name) not in (None, x) for x in limits):
         return False
     summary = other.summary.model_copy(update={"limits": result.summary.limits})
     shares = replace(other, case=result.case, summary=summary).limit_shares()
-    if not {each.name for each in given} <= shares.keys():
+    if not {limit.name for limit in limits} <= shares.keys():
         return False
     return all(np.max(share) <= 1.0 + EXCEEDED for share in shares.values())
 

@@ -87,8 +87,8 @@ class Panel:
 
         At least 1 % of the value apart, so that a constant is a straight line.
         """
-        known = [x for curve in self.curves for x in (curve.y, curve.low) if x is not None]
-        values = np.concatenate([*known, [*self.levels.values()], [0.0] * self.from_zero])
+        arrays = [x for curve in self.curves for x in (curve.y, curve.low) if x is not None]
+        values = np.concatenate([*arrays, [*self.levels.values()], [0.0] * self.from_zero])
         values = values[np.isfinite(values)]
         low, high = (np.min(values), np.max(values)) if values.size else (0.0, 1.0)
         middle, half = 0.5 * (low + high), max(0.54 * (high - low), 0.005 * abs(high), 1e-9)

@@ -63,7 +63,7 @@ def sides(turbine: Any, r: np.ndarray, fractions: np.ndarray = FRACTIONS) -> np.
     numpy.ndarray, shape (3, n_radii, n_fractions)
         x, and y of the upper and the lower side, over the chord.
     """
-    outlines = [each.resampled(fractions) for each in turbine.outlines]
+    outlines = [outline.resampled(fractions) for outline in turbine.outlines]
     return np.moveaxis(turbine.along_span(outlines, r), 1, 0)
 
 
@@ -137,10 +137,10 @@ def outline_names(solution: Any, turbine: Any) -> str:
     InputError
         If a section has no outline.
     """
-    several = solution.case.rotor.sections
-    for number, each in enumerate(turbine.sections):
-        if not each.shape:
-            key = f"rotor.sections[{number}].outline" if several else "rotor.outline"
+    listed = solution.case.rotor.sections
+    for number, section in enumerate(turbine.sections):
+        if not section.shape:
+            key = f"rotor.sections[{number}].outline" if listed else "rotor.outline"
             problem = "is not given: stl, step and sections need it, since polars have no shape"
             remedy = "give the outline in the case and run it again"
             raise InputError(problem, remedy, file=solution.folder, key=key)

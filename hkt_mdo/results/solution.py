@@ -116,7 +116,7 @@ class Solution:
         names, tables = tuple(summary.scenarios or ("phase",)), {}
         for name in names:
             suffix = f"_{name}" if len(names) > 1 else ""
-            tables[name] = {each: _read_table(folder, each, suffix) for each in _OF_SCENARIOS}
+            tables[name] = {table: _read_table(folder, table, suffix) for table in _OF_SCENARIOS}
         whole = (_read_table(folder, name) for name in _OF_RESULT)
         return cls(folder, case, summary, tables, *whole)
 
@@ -150,8 +150,8 @@ class Solution:
         case = self.case.of_scenario(name)
         # the coefficients are those of the sections in the case's own condition
         others = {"torque_constant": 1.0, "inertia": 1.0}
-        own, whole = (x.condition.model_copy(update=others) for x in (case, self.case))
-        alone = replace(self, case=case, coefficients=self.coefficients if own == whole else {})
+        part, whole = (x.condition.model_copy(update=others) for x in (case, self.case))
+        alone = replace(self, case=case, coefficients=self.coefficients if part == whole else {})
         if len(self.tables) == 1:
             return alone
         entry = (self.summary.scenarios or {})[name]
@@ -279,16 +279,16 @@ class Solution:
         case, law = self.case.of_scenario(), self.law
         material = case.rotor.blade_material  # which may have the allowable stress
         others = (x.on(None, material) for x in case.limits.given if x.place == "time")
-        given = TorqueLimit(bound=law.largest_torque), *others
-        return tuple(each for each in given if np.isfinite(each.end))
+        limits = TorqueLimit(bound=law.largest_torque), *others
+        return tuple(limit for limit in limits if np.isfinite(limit.end))
 
     @property
     def _scalars(self) -> dict[str, float]:
         """The quantities of the design that limits over time take, as far as they are known."""
         summary, density = self.summary, self.case.of_scenario().fluid.density
-        known = {"rotor_radius": summary.rotor_radius_m, "inertia": summary.inertia_kg_m2}
-        known["weight_stress"] = summary.weight_stress_Pa
-        return {"density": density} | {k: x for k, x in known.items() if x is not None}
+        scalars = {"rotor_radius": summary.rotor_radius_m, "inertia": summary.inertia_kg_m2}
+        scalars["weight_stress"] = summary.weight_stress_Pa
+        return {"density": density} | {k: x for k, x in scalars.items() if x is not None}
 
     def limit_shares(self) -> Table:
         """Return how much of each limit is used, (n_times,), by its name: 1 is the limit.
@@ -298,20 +298,20 @@ class Solution:
         """
         columns: dict[str, Any] = self.simulation or self.trajectory
         headers = {name: QUANTITIES[name].column for name in OVER_TIME}
-        known = self._scalars | {k: columns[x] for k, x in headers.items() if x in columns}
-        return {x.name: x.share(known) for x in self.limits if known.keys() >= set(x.inputs)}
+        values = self._scalars | {k: columns[x] for k, x in headers.items() if x in columns}
+        return {x.name: x.share(values) for x in self.limits if values.keys() >= set(x.inputs)}
 
     def limit_levels(self, quantity: str) -> Iterator[tuple[Limit, float]]:
         """Yield limits of a quantity or load, and the value of it at which each is met.
 
         Those that are proportional to it, as the tip speed is to `rotor_speed`.
         """
-        known = self._scalars
-        for each in self.limits:
-            if quantity in each.inputs and {quantity, *known} >= set(each.inputs):
-                one, two = (each.value_of(known | {quantity: x}) for x in (1.0, 2.0))
+        scalars = self._scalars
+        for limit in self.limits:
+            if quantity in limit.inputs and {quantity, *scalars} >= set(limit.inputs):
+                one, two = (limit.value_of(scalars | {quantity: x}) for x in (1.0, 2.0))
                 if one > 0.0 and two == 2.0 * one:
-                    yield each, float(each.end / one)
+                    yield limit, float(limit.end / one)
 
     @property
     def failed_checks(self) -> tuple[str, ...]:
@@ -391,8 +391,8 @@ class Solution:
         whole = {x: self.to_xarray(x) for x in ("blade", *_OF_RESULT) if getattr(self, x)}
         for part in self.by_scenario:
             above = f"{part.scenarios[0]}/" if len(self.scenarios) > 1 else ""
-            own = (name for name in _OF_SCENARIOS if getattr(part, name))
-            whole |= {above + name: part.to_xarray(name) for name in own}
+            names = (name for name in _OF_SCENARIOS if getattr(part, name))
+            whole |= {above + name: part.to_xarray(name) for name in names}
         tree = _package("xarray").DataTree.from_dict(whole, name=self.name)
         tree.attrs = {k: x for k, x in self.summary.model_dump().items() if isinstance(x, float)}
         return tree
@@ -421,9 +421,9 @@ class Solution:
 
     def __repr__(self) -> str:
         energy = self.summary.energy_J
-        known = "" if energy is None else f", {measured(energy, 'J')}"
+        amount = "" if energy is None else f", {measured(energy, 'J')}"
         verdict = self.summary.verdict(self.case)
-        return f"<Solution {self.name}: {verdict}{known}, {str(self.folder)!r}>"
+        return f"<Solution {self.name}: {verdict}{amount}, {str(self.folder)!r}>"
 
     def _repr_html_(self) -> str:
         """Return the summary as a table for notebooks."""
@@ -441,8 +441,8 @@ def dataset(columns: Mapping[str, Sequence[Any]], **attrs: str) -> Any:
     """
     dimension = next(iter(columns))
     variables = {
-        name: (dimension, np.asarray(values), {"units": unit or "1", "long_name": about})
-        for name, (values, unit, about) in columns.items()
+        name: (dimension, np.asarray(values), {"units": unit or "1", "long_name": meaning})
+        for name, (values, unit, meaning) in columns.items()
     }
     return _package("xarray").Dataset(variables, attrs=attrs)
 
@@ -464,10 +464,10 @@ def _read_table(folder: Path, name: str, suffix: str = "") -> Table:
     table = Csv(text, path, ",".join(required), columns)
     table.check(required, "table of a result")
     rows = list(table)
-    found = number_columns(rows, table.header, path, columns, parse=_any_number) if rows else {}
-    for column in found.values():
+    numbers = number_columns(rows, table.header, path, columns, parse=_any_number) if rows else {}
+    for column in numbers.values():
         column.values.flags.writeable = False
-    return {name: column.values for name, column in found.items()}
+    return {name: column.values for name, column in numbers.items()}
 
 
 def _any_number(text: str) -> float | None:

@@ -74,23 +74,23 @@ def steady_curve(solution: Solution) -> dict[str, np.ndarray]:
     case, curve, gain = solution.case, solution.coefficients, solution.gain
     law = solution.law
     radius, table = solution.summary.rotor_radius_m, solution.simulation or solution.trajectory
-    known = curve and table and radius and gain is not None
-    if not isinstance(law, FeedbackLaw) or law.states or not known:
+    complete = curve and table and radius and gain is not None
+    if not isinstance(law, FeedbackLaw) or law.states or not complete:
         return {}
     ratio, most = curve["tip_speed_ratio"], law.cut_out or np.max(table["inflow_speed_m_s"])
     flow, gains = most * np.linspace(1.0 / FLOWS, 1.0, FLOWS), np.atleast_1d(gain)
     water = case.fluid.density, radius
 
-    def surplus(place, flow):
-        speed = place * flow / radius
-        torque = torque_scale(*water, flow) * np.interp(place, ratio, curve["power_coefficient"])
-        return torque / place - case.generator.friction(speed) - law.torque(speed, gains)
+    def surplus(trial, flow):
+        speed = trial * flow / radius
+        torque = torque_scale(*water, flow) * np.interp(trial, ratio, curve["power_coefficient"])
+        return torque / trial - case.generator.friction(speed) - law.torque(speed, gains)
 
     at, runs = last_fall(surplus, ratio, surplus(ratio, flow[:, None]) >= 0.0, flow)
     flow, at = flow[runs], at[runs]
     speed = at * flow / radius
     torque = law.torque(speed, gains)
-    found = {
+    columns = {
         "inflow_speed_m_s": flow,
         "rotor_speed_rad_s": speed,
         "control_torque_Nm": torque,
@@ -98,8 +98,8 @@ def steady_curve(solution: Solution) -> dict[str, np.ndarray]:
     }
     if "thrust_coefficient" in curve:
         thrust = np.interp(at, ratio, curve["thrust_coefficient"])
-        found["thrust_N"] = power_scale(*water, flow) / flow * thrust
-    return found
+        columns["thrust_N"] = power_scale(*water, flow) / flow * thrust
+    return columns
 
 
 def rated_point(solution: Solution) -> tuple[float, float] | None:

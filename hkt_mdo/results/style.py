@@ -96,7 +96,7 @@ def draw(panel: Panel, ax: Axes) -> Axes:
         ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.xaxis.set_major_formatter("{x:g}")
         ax.xaxis.set_minor_formatter(NullFormatter())
-    ranks = sorted({each.index or 0 for each in panel.curves if each.kind == "bar"})
+    ranks = sorted({curve.index or 0 for curve in panel.curves if curve.kind == "bar"})
     for curve in panel.curves:
         _draw_curve(curve, ax, ranks)
         if curve.shade is not None:
@@ -118,8 +118,8 @@ def draw(panel: Panel, ax: Axes) -> Axes:
         ax.set_xlim(left=0.0)
     for name, value, left in panel.placed_levels:
         _draw_level(ax, value, name, left)
-    for name, place in panel.marks.items():
-        ax.axvline(place, label=name, linestyle=":", **REFERENCE)
+    for name, value in panel.marks.items():
+        ax.axvline(value, label=name, linestyle=":", **REFERENCE)
     if panel.ticks:
         ax.set_xticks(range(len(panel.ticks)), panel.ticks)
         ax.set_xlim(-1.0, len(panel.ticks))
@@ -163,11 +163,11 @@ def _draw_curve(curve: Curve, ax: Axes, ranks: Sequence[int]) -> None:
 def _draw_level(ax: Axes, value: float, label: str, left: bool) -> None:
     """Draw a horizontal line with its label above it; no legend has it."""
     ax.axhline(value, linestyle="-.", gid=label, **REFERENCE)
-    side, place = ("left", 0.005) if left else ("right", 0.995)
+    side, x = ("left", 0.005) if left else ("right", 0.995)
     words: dict[str, Any] = {"fontsize": FONT_SIZE - 1.5, "color": "0.3", "ha": side}
     words["bbox"] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.8}
     where: dict[str, Any] = {"xycoords": ax.get_yaxis_transform(), "textcoords": "offset points"}
-    ax.annotate(label, (place, value), xytext=(0, 2.5), va="bottom", **where, **words)
+    ax.annotate(label, (x, value), xytext=(0, 2.5), va="bottom", **where, **words)
 
 
 def finish(ax: Axes, x_label: str, y_label: str) -> Axes:
@@ -193,9 +193,9 @@ def legend(axes: Sequence[Axes]) -> int:
     room = axes[0].figure.get_figwidth() - 0.7
     fitting = int(room / (0.6 + 0.06 * max(map(len, entries))))
     columns = max(1, min(fitting, 3 if len(entries) == 3 else 2))
-    place: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": columns}
+    where: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": columns}
     look = {"fontsize": FONT_SIZE, "frameon": False, "borderaxespad": 0.2}
-    axes[0].legend(list(entries.values()), list(entries), **place, **look)
+    axes[0].legend(list(entries.values()), list(entries), **where, **look)
     return -(-len(entries) // columns)
 
 
@@ -220,10 +220,10 @@ def pictures(
 
     Raises InputError if Matplotlib does not know a format.
     """
-    known = sorted(FigureCanvasAgg.get_supported_filetypes())
+    supported = sorted(FigureCanvasAgg.get_supported_filetypes())
     for form in formats:
-        if form not in known:
-            words = f"known: {', '.join(known)}"
+        if form not in supported:
+            words = f"known: {', '.join(supported)}"
             raise InputError("unknown format of figures", words, key="format", value=form)
     return {
         Path(folder, f"{name}.{form}"): picture(figure, form)

@@ -137,16 +137,16 @@ class LoadEntry(_Entry):
         """Distance from the limit, in per cent, and what the limit costs; empty if not known."""
         if (left := self.left) is None:
             return ""
-        kept = left > -100.0 * BETWEEN
-        word = f"margin {max(0.0, left):.2f} %" if kept else f"exceeded by {-left:.2f} %"
-        if not self.binding or (not kept and self.share_of_time is None):
+        within = left > -100.0 * BETWEEN
+        word = f"margin {max(0.0, left):.2f} %" if within else f"exceeded by {-left:.2f} %"
+        if not self.binding or (not within and self.share_of_time is None):
             return word
-        share, worth = self.share_of_time, self.worth
-        verb = "give" if (worth or 0.0) >= 0.0 else "lose"
+        share, price = self.share_of_time, self.worth
+        verb = "give" if (price or 0.0) >= 0.0 else "lose"
         return joined(
             word,
             "binding" + (f" {100.0 * share:.3g} % of the time" if share else ""),
-            "" if worth is None else f"1 % more would {verb} {measured(abs(worth), 'J', 3)}",
+            "" if price is None else f"1 % more would {verb} {measured(abs(price), 'J', 3)}",
         )
 
     def row(self, name: str) -> Row:
@@ -193,8 +193,8 @@ class MemoryEntry(_Entry):
         least = self.least_inertia_kg_m2
         heavy = "unstable with any inertia of the shaft"
         if least is not None:
-            own = f"the rotor has {measured(self.inertia_kg_m2, digits=3)}"
-            heavy = f"stable from a shaft inertia of {measured(least, 'kg*m**2', 3)} ({own})"
+            rotor = f"the rotor has {measured(self.inertia_kg_m2, digits=3)}"
+            heavy = f"stable from a shaft inertia of {measured(least, 'kg*m**2', 3)} ({rotor})"
         if self.stiffness is not None:
             held = f"{measured(self.stiffness, 'N*m*s/rad', 3)} times the difference of speed"
             heavy += f", or with a controller that adds more than {held}"
@@ -378,8 +378,8 @@ class Achieved(_Entry):
     @property
     def used(self) -> dict[str, float]:
         """By how much each limit is used (%), by the words for it."""
-        known = ((limit_words(x), each.left) for x, each in (self.limits or {}).items())
-        return {words: 100.0 - left for words, left in known if left is not None}
+        margins = ((limit_words(x), entry.left) for x, entry in (self.limits or {}).items())
+        return {words: 100.0 - left for words, left in margins if left is not None}
 
     def at_limits(self, case: Case) -> dict[str, tuple[LoadEntry, str]]:
         """Return each limit and each load without one, with remarks (`unasked`), by words for them.
@@ -387,16 +387,16 @@ class Achieved(_Entry):
         A limit has the place of its load. A load whose largest value is that of another scenario
         than the limit's is an entry of its own.
         """
-        limits, loads, found = self.limits or {}, self.loads or {}, {}
+        limits, loads, remarked = self.limits or {}, self.loads or {}, {}
         for name in limits | loads:
             words, load = limit_words(name), loads.get(name)
-            own = {words: limits.get(name, load)}
-            if load and load.scenario != own[words].scenario:
-                own[f"{words} of all"] = load
+            named = {words: limits.get(name, load)}
+            if load and load.scenario != named[words].scenario:
+                named[f"{words} of all"] = load
             elif load:
-                own[words] = own[words].model_copy(update={x: getattr(load, x) for x in WHERE})
-            found |= {key: (x, unasked(name, x, case)) for key, x in own.items()}
-        return found
+                named[words] = named[words].model_copy(update={x: getattr(load, x) for x in WHERE})
+            remarked |= {key: (x, unasked(name, x, case)) for key, x in named.items()}
+        return remarked
 
 
 class ScenarioEntry(Achieved):
@@ -543,8 +543,8 @@ class Summary(Achieved):
     @property
     def largest(self) -> dict[str, LoadEntry]:
         """Largest loads and values of limits, of both the larger: a limit may count more."""
-        both = [*(self.loads or {}).items(), *(self.limits or {}).items()]
-        return dict(sorted(both, key=lambda pair: pair[1].value or 0.0))
+        entries = [*(self.loads or {}).items(), *(self.limits or {}).items()]
+        return dict(sorted(entries, key=lambda pair: pair[1].value or 0.0))
 
     @classmethod
     def parse(cls, text: str | bytes, file: Path | str = "summary.json") -> "Summary":
@@ -556,17 +556,17 @@ class Summary(Achieved):
             error = min(failure.errors(), key=lambda each: each["type"] != "less_than_equal")
         key = dotted(f"[{i}]" if isinstance(i, int) else i for i in error["loc"])
         problem = error["msg"].replace("Input should be", "must be")
-        place, remedy = {"key": key, "value": error["input"]}, "run the case again"
+        where, remedy = {"key": key, "value": error["input"]}, "run the case again"
         if error["type"] == "missing":
-            problem, place = "is missing", {"key": key}
+            problem, where = "is missing", {"key": key}
         elif error["type"] == "json_invalid":
-            problem, place = f"cannot be read as JSON ({error['ctx']['error']})", {}
+            problem, where = f"cannot be read as JSON ({error['ctx']['error']})", {}
         elif error["type"] == "less_than_equal":
             problem = "was written by a newer hkt_mdo"
             remedy = f"update hkt_mdo, which reads version {VERSION}, or run the case again"
         elif key.startswith("gain."):  # pydantic reports each type of the union
-            problem, place["key"] = "must be a number or a list of numbers", "gain"
-        raise InputError(problem, remedy, file=file, **place)
+            problem, where["key"] = "must be a number or a list of numbers", "gain"
+        raise InputError(problem, remedy, file=file, **where)
 
     def rows(self, case: Case) -> list[Row]:
         """Return the rows of the printed table, those of each of several scenarios at the end.
@@ -587,7 +587,7 @@ class Summary(Achieved):
         year = self.year.rows() if self.year else ()
         limits = in_operation(self, case, case.phase.duration)
         bent = bending(self.tip_deflection_m, self.tip_radius_m, self.weight_moment_Nm)
-        found = {
+        tables = {
             "Result": [*self._outcome(case)],
             "Blade and controller": [*self._design(case)],
             "Operation, limits and loads": [*year, *limits, *bent],
@@ -596,8 +596,8 @@ class Summary(Achieved):
         scenarios = self.scenarios or {}
         for name, entry in scenarios.items() if len(scenarios) > 1 else ():
             rows = entry.rows(case.of_scenario(name))
-            found[f"Scenario {name}"] = [replace(x, label=f"{name}: {x.label}") for x in rows]
-        return found
+            tables[f"Scenario {name}"] = [replace(x, label=f"{name}: {x.label}") for x in rows]
+        return tables
 
     def warnings(self, case: Case) -> list[str]:
         """Return what may be wrong beside the checks.
@@ -623,23 +623,23 @@ class Summary(Achieved):
     def _better(self) -> Iterator[str]:
         """Yield that a branch which was not taken is better without time."""
         branches = sorted(self.branches or (), key=lambda each: not each.taken)
-        for each in branches[1:]:
-            own, best = branches[0].objective_J, each.objective_J
-            if each.kept and own and best and best - own > BETTER * abs(own):
-                text = f"without time, branch {each.name} is better by {per_cent(best - own, own)}"
-                yield f"{text}, but has no verified result; start.branch={each.name} begins there"
+        for way in branches[1:]:
+            base, best = branches[0].objective_J, way.objective_J
+            if way.kept and base and best and best - base > BETTER * abs(base):
+                text = f"without time, branch {way.name} is better by {per_cent(best - base, base)}"
+                yield f"{text}, but has no verified result; start.branch={way.name} begins there"
 
     def breaks(self, case: Case) -> dict[str, str]:
         """Return that the stress would break the blade, or its loads do not hold, and why."""
         most, stress = case.rotor.blade_material.allowable_stress, self.largest.get("stress")
-        found = {}
+        reasons = {}
         if most and stress and (stress.value or 0.0) > (1.0 + BETWEEN) * most:
-            told, limit = measured(stress.value, "Pa", 4), measured(most, "Pa", 4)
-            why = f"the largest stress in a blade, {told}, is above its material's, {limit}"
-            found["the blade would break"] = why
+            largest, limit = measured(stress.value, "Pa", 4), measured(most, "Pa", 4)
+            why = f"the largest stress in a blade, {largest}, is above its material's, {limit}"
+            reasons["the blade would break"] = why
         for why in bends_far(self.tip_deflection_m, self.tip_radius_m):
-            found["the blade bends too far for its loads to hold"] = why
-        return found
+            reasons["the blade bends too far for its loads to hold"] = why
+        return reasons
 
     def verdict(self, case: Case) -> str:
         """Return whether the result is verified and its blade holds, and how many warnings."""
@@ -651,19 +651,19 @@ class Summary(Achieved):
 
     def _outcome(self, case: Case) -> Iterator[Row]:
         """Yield the rows of verdict and energy."""
-        found, simulated, bound = self.energy_J, self.simulated_energy_J, self.energy_bound_J
-        best = found if simulated is None else simulated
+        energy, simulated, bound = self.energy_J, self.simulated_energy_J, self.energy_bound_J
+        best = energy if simulated is None else simulated
         share = 100.0 * best / bound if best is not None and bound else None
-        off = per_cent(simulated - found, found, sign="+") if simulated and found else ""
+        off = per_cent(simulated - energy, energy, sign="+") if simulated and energy else ""
         yield Row("case", case.name)
         yield Row("verdict", self.verdict(case))
         yield Row("message", self.message)
         if self.memory is not None:
             yield Row("stability with dynamic inflow", self.memory.text)
-        yield Row("energy", found, "J")
+        yield Row("energy", energy, "J")
         yield Row("energy, simulated", simulated, "J", off)
-        kept = joined(*self._kept(best, case))
-        yield Row("energy of the generator", self.generator_energy_J, "J", kept)
+        withheld = joined(*self._withheld(best, case))
+        yield Row("energy of the generator", self.generator_energy_J, "J", withheld)
         yield Row("energy, electrical", self.electrical_energy_J, "J", self._losses())
         yield Row("share of quasi-steady bound", share, "%")
         if self.objective is not None:
@@ -672,10 +672,10 @@ class Summary(Achieved):
         gap = None if gap is None else f"gap up to {max(100.0 * gap, 0.0):.2g} %"
         captured = self.objective is None or self.objective.kind == "captured"
         other = "" if captured else "of the captured energy, which is not the objective"
-        known = "does not include limits other than that of the torque" if case.limits.given else ""
-        yield Row("certificate", gap, "", joined(other, known))
+        scope = "does not include limits other than that of the torque" if case.limits.given else ""
+        yield Row("certificate", gap, "", joined(other, scope))
 
-    def _kept(self, captured: float | None, case: Case) -> Iterator[str]:
+    def _withheld(self, captured: float | None, case: Case) -> Iterator[str]:
         """Yield what the rotor stores and friction takes, as text, unless it is small."""
         stored, rest = self.stored_energy_J or 0.0, self.generator_energy_J
         lost = captured - rest - stored if case.generator.rubs and captured and rest else 0.0
@@ -699,8 +699,8 @@ class Summary(Achieved):
         """Yield the rows of controller and blade."""
         if case.control.law != "open_loop":
             gain, units = self.gain, self.gain_units or [None]
-            label, several = f"gain, {case.control.law} feedback", isinstance(gain, list)
-            yield Row(label, amounts(gain, units)) if several else Row(label, gain, units[0] or "")
+            label, listed = f"gain, {case.control.law} feedback", isinstance(gain, list)
+            yield Row(label, amounts(gain, units)) if listed else Row(label, gain, units[0] or "")
         ratio = self.tip_speed_ratio or Span()
         yield Row("tip speed ratio", ratio.ends, "", f"mean {measured(ratio.mean, digits=4)}", 4)
         peak = measured(self.tip_speed_ratio_at_power_coefficient_max, digits=4)
@@ -734,8 +734,8 @@ class Summary(Achieved):
             note = "; ".join(remedies).replace("_", " ")
             yield Row("optimizations", len(self.passes), "", note)
         if self.starts:
-            kept = next((each.strategy for each in self.starts if each.kept), "none")
-            yield Row("starts", f"{len(self.starts)} tried", "", f"began with: {kept}")
+            strategy = next((start.strategy for start in self.starts if start.kept), "none")
+            yield Row("starts", f"{len(self.starts)} tried", "", f"began with: {strategy}")
         yield from (branch.row() for branch in self.branches or ())
 
 

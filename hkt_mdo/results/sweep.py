@@ -63,7 +63,7 @@ def row_of(solution: Solution) -> Row:
         row[column_of(name, load.unit)] = load.value
     gains = np.atleast_1d([] if summary.gain is None else summary.gain)
     row |= {f"gain_{number}": float(gain) for number, gain in enumerate(gains)}
-    row["binding"] = " ".join(x for x, each in (summary.limits or {}).items() if each.binding)
+    row["binding"] = " ".join(x for x, entry in (summary.limits or {}).items() if entry.binding)
     return row | {"message": "" if solution.success else solution.message}
 
 
@@ -102,11 +102,11 @@ def write_table(folder: Path, sweep: Sweep, rows: Sequence[Row]) -> None:
 
 def _column(values: Iterable[Any]) -> np.ndarray:
     """Return values as numbers, NaN for none and null; as texts if another one is no number."""
-    known = ["" if value is None else value for value in values]
+    cells = ["" if value is None else value for value in values]
     with suppress(ValueError):
-        if any(value not in ("", NULL) for value in known):
-            return np.array([np.nan if x in ("", NULL) else float(x) for x in known])
-    return np.array([str(value) for value in known])
+        if any(value not in ("", NULL) for value in cells):
+            return np.array([np.nan if x in ("", NULL) else float(x) for x in cells])
+    return np.array([str(value) for value in cells])
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,8 +170,8 @@ class SweepTable:
     @property
     def objective(self) -> np.ndarray:
         """The objective of each run, NaN for none, shape (n_runs,)."""
-        known = self.columns.get("objective", np.array(""))  # of no result none
-        return known if known.dtype.kind == "f" else np.full(self.columns["state"].size, np.nan)
+        values = self.columns.get("objective", np.array(""))  # of no result none
+        return values if values.dtype.kind == "f" else np.full(self.columns["state"].size, np.nan)
 
     @property
     def maximize(self) -> bool:
@@ -228,9 +228,9 @@ class SweepTable:
         name = self.sweep.front
         if name is None:
             return next(iter(self.numeric), "")
-        known = [x for x, each in self.columns.items() if each.dtype.kind == "f"]
-        if name not in known:
-            remedy, where = f"give one of {', '.join(known)}", self.folder / SWEEP
+        names = [x for x, each in self.columns.items() if each.dtype.kind == "f"]
+        if name not in names:
+            remedy, where = f"give one of {', '.join(names)}", self.folder / SWEEP
             raise InputError("is no column of numbers", remedy, file=where, key="front", value=name)
         return name
 
@@ -244,7 +244,7 @@ class SweepTable:
         """
         cost = self.columns[self.cost]
         gain = self.objective if self.maximize else -self.objective
-        known = np.flatnonzero(self.verified & np.isfinite(cost))
-        order = known[np.lexsort((-gain[known], cost[known]))]
+        runs = np.flatnonzero(self.verified & np.isfinite(cost))
+        order = runs[np.lexsort((-gain[runs], cost[runs]))]
         best = np.maximum.accumulate(np.r_[-np.inf, gain[order]])
         return order[gain[order] > best[:-1]]

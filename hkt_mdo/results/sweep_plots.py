@@ -50,7 +50,7 @@ def _map(table: SweepTable) -> Panel:
         ),
         Curve(x[failed], y[failed], "no success", COLORS[1], 5, "runs", links=links[failed]),
     ]
-    return Panel(up, across, [each for each in curves if each.x.size], shades=label)
+    return Panel(up, across, [curve for curve in curves if curve.x.size], shades=label)
 
 
 def plot_parallel(table: SweepTable, ax: Axes) -> Axes:
@@ -70,14 +70,14 @@ def plot_parallel(table: SweepTable, ax: Axes) -> Axes:
             column = shown[good]
             ends = tuple(f"{end:.4g}" for end in (np.nanmin(column), np.nanmax(column)))
         else:  # names: one place each
-            known, column = np.unique(column, return_inverse=True)
-            ends = known[0], known[-1]
+            texts, column = np.unique(column, return_inverse=True)
+            ends = texts[0], texts[-1]
         low, span = np.nanmin(column), np.ptp(column[np.isfinite(column)])
         heights.append((column - low) / span if span else np.full(good.size, 0.5))
         labels.append(f"{name}\n{ends[0]} to {ends[1]}")
     shades = np.linspace(0.0, 1.0, good.size)
-    for shade, place in zip(shades, np.argsort(table.objective[good]), strict=True):
-        ax.plot([each[place] for each in heights], color=colormaps["viridis"](shade), alpha=0.6)
+    for shade, run in zip(shades, np.argsort(table.objective[good]), strict=True):
+        ax.plot([height[run] for height in heights], color=colormaps["viridis"](shade), alpha=0.6)
     ax = style.finish(ax, "", "from least to largest (-)")
     ax.set_xticks(range(len(labels)), labels, fontsize=style.FONT_SIZE - 2)
     return ax

@@ -148,10 +148,10 @@ def amounts(values: Any, units: Any, digits: int = 5) -> str:
     """
     texts = []
     for unit, row in groupby(zip_longest(values, units), key=itemgetter(1)):
-        several = [value for value, _ in row]
-        text = ", ".join(number(value, digits) for value in several)
+        numbers = [value for value, _ in row]
+        text = ", ".join(number(value, digits) for value in numbers)
         text = f"{text} {plain_unit(unit or '')}".rstrip()
-        texts.append(text if len(several) > 1 else measured(several[0], unit or "", digits))
+        texts.append(text if len(numbers) > 1 else measured(numbers[0], unit or "", digits))
     return "; ".join(texts)
 
 
