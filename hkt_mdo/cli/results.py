@@ -124,7 +124,7 @@ def compare(
         parts.print_records(parts.plain_rows(zip(names, rows, strict=True), "result"), as_json)
     else:
         _print_beside(names, aligned([texts(each) for each in rows]))
-    finished = [each for each in solutions if each.finished]
+    finished = [solution for solution in solutions if solution.finished]
     parts.print_lines((f"note: {line}" for line in remarks(finished)), err=for_program)
     for solution in solutions:
         if not solution.finished:

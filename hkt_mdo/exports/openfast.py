@@ -185,7 +185,7 @@ def reynolds_numbers(design: Design) -> list[float]:
     polar: Any = physics.rotor.polar
     if polar.follows_reynolds:
         return np.exp(polar.log_reynolds).tolist()
-    numbers = np.unique(np.concatenate([each.polars.reynolds for each in turbine.sections]))
+    numbers = np.unique(np.concatenate([section.polars.reynolds for section in turbine.sections]))
     numbers = numbers[np.isfinite(numbers)]
     number = numbers[0] if numbers.size == 1 else turbine.reynolds_number
     if number is None:

@@ -72,7 +72,7 @@ def _law_words(design: Design) -> dict[str, Any]:
     law, gains = design.law, design.gains
     flows, speeds, torques = _schedule(design)
     largest, fastest = law.torque_limit or NEVER * float(np.max(torques)), float(np.max(speeds))
-    rates = [each.upper for each in design.physics.all_limits if each.name == "torque_rate"]
+    rates = [limit.upper for limit in design.physics.all_limits if limit.name == "torque_rate"]
     words = {
         "reference_filter": FAST / LAG,
         "largest_torque": largest,
@@ -143,7 +143,7 @@ def _by_flow(law, design, flows, speeds) -> dict[str, Any]:
 def _schedule(design: Design) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return flow speeds, rotor speeds and torques in equilibrium, on the side of overspeed."""
     law: Any = design.law
-    speed = np.concatenate([each.speeds for each in design.physics.scenarios])
+    speed = np.concatenate([scenario.speeds for scenario in design.physics.scenarios])
     flows = np.linspace(BELOW * float(np.min(speed)), ABOVE * float(np.max(speed)), COLUMNS)
     if law.states:
         speeds = law.speed_at_rest(flows, design.gains)  # its schedule

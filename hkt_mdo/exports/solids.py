@@ -302,7 +302,7 @@ def airfoils(design: Design) -> list[Airfoil]:
     """
     outlines, r = design.turbine.outlines, design.blade.r
     if design.plant.polar.follows_thickness:
-        outlines = tuple(Outline(*each.T) for each in around(*sides(design.turbine, r)))
+        outlines = tuple(Outline(*points.T) for points in around(*sides(design.turbine, r)))
     by_kind: dict[tuple, Airfoil] = {}
     for station, polars in enumerate(design.plant.polar.stations(design.blade)):
         outline = outlines[station % len(outlines)]
@@ -325,7 +325,7 @@ def outline_volume(design: Design) -> float:
         Volume before the trailing edge is thickened (m**3).
     """
     turbine, blade = design.turbine, design.blade
-    area = turbine.along_span([each.area for each in turbine.outlines], blade.r)
+    area = turbine.along_span([outline.area for outline in turbine.outlines], blade.r)
     return float(mass_and_inertia(blade, area, 1.0).mass) / blade.blade_count
 
 

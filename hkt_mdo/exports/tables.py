@@ -267,7 +267,7 @@ def steady_operation(
     if not isinstance(law, FeedbackLaw):
         return None
     if flow_range is None:
-        speed = np.concatenate([each.speeds for each in physics.scenarios])
+        speed = np.concatenate([scenario.speeds for scenario in physics.scenarios])
         low = max((1.0 - WIDER) * float(np.min(speed)), cut_in(design))
         high = min((1.0 + WIDER) * float(np.max(speed)), law.cut_out or np.inf)
         flow_range = round(low, 3), round(high, 3)

@@ -122,9 +122,9 @@ def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
     drawn, views = panels.designs(results), panels.views(results)
     if rotors:
         drawn["solid"] = blade.solid(rotors)
-    entries, titles = list(map(_entry, results)), dict.fromkeys(each.name for each in order)
-    checks = [{limit_words(x.name): x for x in each.summary.checks or ()} for each in order]
-    limits = [each.summary.at_limits(each.case) for each in order]
+    entries, titles = list(map(_entry, results)), dict.fromkeys(solution.name for solution in order)
+    checks = [{limit_words(x.name): x for x in solution.summary.checks or ()} for solution in order]
+    limits = [solution.summary.at_limits(solution.case) for solution in order]
     headlines = [
         [replace(x, note="") for x in (*rows, *_headline(solution)) if x.value is not None]
         for solution, rows in zip(order, behind, strict=True)
@@ -138,15 +138,15 @@ def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
         checks=sorted(aligned(checks), key=lambda row: all(not x or x.passed for x in row[1])),
         measured=measured,
         limits=sorted(aligned(limits), key=lambda row: not any(x and x[0].limit for x in row[1])),
-        differences=_differences([each.case for each in order]),
-        remarks=remarks(each for each in order if each.finished),
+        differences=_differences([solution.case for solution in order]),
+        remarks=remarks(solution for solution in order if solution.finished),
         not_modelled=list(dict.fromkeys(line for x in order for line in not_modelled(x.case))),
         reasons=reasons,
         picture=base64.b64encode(blade.picture(rotors)).decode() if rotors else "",
         points=panels.points_each(results),
         views=list(views),
         charts=drawn,
-        view_charts=sorted({name for each in views.values() for name in each}),
+        view_charts=sorted({name for view in views.values() for name in view}),
         data=json.dumps({"charts": drawn, "views": views, "dark": panels.DARK}, allow_nan=False),
         shared=shared,
         plotly=script,
@@ -176,7 +176,7 @@ def _headline(solution: Solution) -> Iterator[Row]:
         if energy is not None and duration:
             yield Row(f"mean {name} power", energy / duration, "W", digits=4)
             yield Row(f"{name} energy a day", 24e-3 * energy / duration, "kWh", digits=4)
-    alone = [(each.simulation, rated_point(each)) for each in solution.by_scenario]
+    alone = [(part.simulation, rated_point(part)) for part in solution.by_scenario]
     rated = [point[0] for _, point in alone if point is not None]
     yield Row("power limit reached from", min(rated, default=None), "m/s", digits=3)
     speeds = [30.0 / np.pi * x["rotor_speed_rad_s"] for x, _ in alone if x]
@@ -219,6 +219,6 @@ def not_modelled(case: Case) -> list[str]:
     list of str
         What no case has, and what this case does not ask for.
     """
-    weight = any(getattr(each, "weight", False) for each in case.all_limits)
-    depth = case.site.hub_depth or any(getattr(each, "depth", None) for each in case.all_limits)
+    weight = any(getattr(limit, "weight", False) for limit in case.all_limits)
+    depth = case.site.hub_depth or any(getattr(limit, "depth", None) for limit in case.all_limits)
     return rendered("not_modelled.txt", case=case, weight=weight, depth=depth).splitlines()

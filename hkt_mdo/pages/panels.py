@@ -49,7 +49,7 @@ def points_each(results: Results) -> int:
     int
         Number of points.
     """
-    series = 10 * sum(len(each.solution.scenarios) for each in results)
+    series = 10 * sum(len(result.solution.scenarios) for result in results)
     return int(np.clip(MOST_POINTS // max(1, series), LEAST_POINTS, MOST_OF_ONE))
 
 
@@ -170,7 +170,7 @@ def stacked(panels: Sequence[Panel], height: int = 150, most: int = MOST_OF_ONE)
     last = "y" if len(panels) == 1 else f"y{len(panels)}"
     layout["xaxis"] = {"title": {"text": panels[-1].across}, "anchor": last}
     if ticks := panels[-1].ticks:
-        texts = [escaped(each).replace("\n", "<br>") for each in ticks]
+        texts = [escaped(tick).replace("\n", "<br>") for tick in ticks]
         layout["xaxis"] |= {"tickvals": [*range(len(texts))], "ticktext": texts}
         layout["xaxis"]["range"] = [-1, len(texts)]
     if panels[-1].across_from_zero:
@@ -250,7 +250,7 @@ def views(results: Results) -> dict[str, dict[str, Chart]]:
         Where there are several scenarios, the first entry is the envelope of all of them.
     """
     most, drawn = points_each(results), {}
-    names = list(dict.fromkeys(name for each in results for name in each.solution.scenarios))
+    names = list(dict.fromkeys(name for result in results for name in result.solution.scenarios))
     parts = {"all scenarios": results} if len(names) > 1 else {}
     parts |= {name: charts.of_scenario(results, name) for name in names}
     for name, part in parts.items():

@@ -108,9 +108,9 @@ def labelled(solutions: Solutions) -> list[Labelled]:
     chosen = [solutions] if isinstance(solutions, Solution) else list(solutions)
     if len(chosen) == 1:
         return [Labelled(chosen[0], "")]
-    names = [printable(each.name) for each in chosen]
+    names = [printable(solution.name) for solution in chosen]
     if len({*names}) < len(names):
-        names = [printable(each.folder.resolve().name) for each in chosen]
+        names = [printable(solution.folder.resolve().name) for solution in chosen]
     if len({*names}) < len(names):
         names = [f"{number}: {name}" for number, name in enumerate(names, 1)]
     return list(map(Labelled, chosen, names, range(len(chosen))))
@@ -138,7 +138,7 @@ def of_scenario(results: Results, name: str) -> list[Labelled]:
 def _alone(results: Results, over: str = "") -> list[Labelled]:
     """Return the scenarios of results that have tables over something, named as the results."""
     parts = [each._replace(solution=one) for each in results for one in each.solution.by_scenario]
-    return [each for each in parts if each.table and not (over == "time" and each.solution.steady)]
+    return [part for part in parts if part.table and not (over == "time" and part.solution.steady)]
 
 
 def _panel_of(results: Results, quantity: str, across: str) -> tuple[Panel, float]:
@@ -148,7 +148,7 @@ def _panel_of(results: Results, quantity: str, across: str) -> tuple[Panel, floa
     """
     si_unit = QUANTITIES[quantity].unit
     unit, scale = UNITS.get(si_unit, (plain_unit(si_unit or "-"), 1.0))
-    torques = [each.solution.summary.control_torque_max_Nm or 0.0 for each in results]
+    torques = [result.solution.summary.control_torque_max_Nm or 0.0 for result in results]
     most = max(torques, default=0.0)
     if si_unit == "N*m" and (most >= LARGE_TORQUE or quantity == "root_moment"):
         unit, scale = "kN m", 1e-3
@@ -204,7 +204,7 @@ def over_time(results: Results, quantity: str, nodes: bool = False) -> Panel:
 
 def operation(results: Results, nodes: bool = False) -> list[Panel]:
     """Return operation over time, with the loads that are limited."""
-    limited = {limit.name for each in _alone(results) for limit in each.solution.limits}
+    limited = {limit.name for result in _alone(results) for limit in result.solution.limits}
     names = *TIME, *(x for x in LIMITED if x in limited)
     return [over_time(results, name, nodes) for name in names]
 
@@ -290,7 +290,7 @@ def limits(results: Results) -> list[Panel]:
 
 def margins_over_time(results: Results) -> Panel:
     """Return the margin of each limit, or the smallest of several results or scenarios."""
-    smallest = any(each.label or len(each.solution.scenarios) > 1 for each in results)
+    smallest = any(result.label or len(result.solution.scenarios) > 1 for result in results)
     words = "smallest margin of all limits" if smallest else "margin of each limit"
     panel = Panel(f"{words} (%)", "time (s)", levels={"limit": 0.0})
     for result in results:
@@ -363,7 +363,7 @@ def over_radius(results: Results, column: str) -> Panel:
     panel = Panel(RADIUS[column], "radius (m)", from_zero=True, across_from_zero=True)
     panel.curves = [*_beside_start(results, "blade", "r_m", column, "marked")]
     quantity, unit = column.split("_", 1)
-    designs = [each.solution.case.design for each in results]
+    designs = [result.solution.case.design for result in results]
     bounds = {getattr(x, f"{quantity}_bounds") for x in designs if x.blade == "optimized"}
     if panel.curves and len(bounds) == 1:
         values = np.concatenate([curve.y for curve in panel.curves])
@@ -566,8 +566,8 @@ def figures(solutions: Solutions, names: Sequence[str] = ()) -> Figures:
         if name not in FIGURES:
             raise InputError("unknown figure", f"known: {', '.join(FIGURES)}", value=name)
         of_one = name in ("operation", "limits", "year")  # a figure of one scenario each
-        if of_one and any(len(each.scenarios) > 1 for each in chosen):
-            for one in dict.fromkeys(name for each in chosen for name in each.scenarios):
+        if of_one and any(len(solution.scenarios) > 1 for solution in chosen):
+            for one in dict.fromkeys(name for solution in chosen for name in solution.scenarios):
                 drawn[f"{name}_{one}"] = figure_of(chosen, name, one)
         else:
             drawn[name] = figure_of(chosen, name)
@@ -592,7 +592,7 @@ def polar_panels(curves: Sequence[tuple[str, Polar, np.ndarray, np.ndarray]]) ->
         Of many curves only the first and the last are named.
     """
     many = len(curves) > MOST_NAMED
-    shades = [to_hex(each) for each in colormaps["viridis"](np.linspace(0.0, 0.9, len(curves)))]
+    shades = [to_hex(color) for color in colormaps["viridis"](np.linspace(0.0, 0.9, len(curves)))]
     panels = [Panel(title, "angle of attack (deg)") for title in POLARS]
     for number, (label, polar, angle, sure) in enumerate(curves):
         lift, drag = polar.evaluate(angle)

@@ -57,9 +57,9 @@ def dominated(solutions: Iterable[Solution]) -> list[Dominated]:
         One for each result that is dominated, with the best of those that beat it.
     """
     results, entries = list(solutions), []
-    verified = [each for each in results if each.success]
+    verified = [result for result in results if result.success]
     for result in results:
-        others = [each for each in verified if each is not result and allows(result, each)]
+        others = [other for other in verified if other is not result and allows(result, other)]
         if others:
             best = max(others, key=lambda other: _gain(result, other))
             gain = _gain(result, best) if result.success else np.inf
@@ -81,10 +81,10 @@ def remarks(solutions: Iterable[Solution]) -> list[str]:
         Whether objectives or flows differ, and which results are dominated.
     """
     results, lines = list(solutions), []
-    if len({each.case.objective.kind for each in results}) > 1:
+    if len({result.case.objective.kind for result in results}) > 1:
         lines.append("the objectives differ: results are in the order given")
     flow = {"inflow", "resource", "scenarios"}
-    if len({each.case.model_dump_json(include=flow) for each in results}) > 1:
+    if len({result.case.model_dump_json(include=flow) for result in results}) > 1:
         lines.append("the flows differ: objectives and loads are not of the same conditions")
     return [*lines, *map(str, dominated(results))]
 
@@ -108,8 +108,8 @@ def ranked(solutions: Iterable[Solution]) -> tuple[list[Solution], list[list[Row
         none where that is not known.
     """
     results, measure = list(solutions), "objective"
-    values = [_objective(each) if each.finished else None for each in results]
-    durations = [each.case.phase.duration for each in results]
+    values = [_objective(result) if result.finished else None for result in results]
+    durations = [result.case.phase.duration for result in results]
     if len({*durations}) > 1 and results[0].case.objective.is_rate:
         measure = "objective over duration"
         values = [x and t and x / t for x, t in zip(values, durations, strict=True)]
@@ -127,7 +127,7 @@ def ranked(solutions: Iterable[Solution]) -> tuple[list[Solution], list[list[Row
         share = 0.0 - first.case.objective.behind(value, best)
         return [Row(f"{measure}, relative to the best", f"{100.0 * share:+.4f} %")]
 
-    return [each for _, each in pairs], [behind(value) for value, _ in pairs]
+    return [result for _, result in pairs], [behind(value) for value, _ in pairs]
 
 
 def _objective(solution: Solution) -> float | None:

@@ -144,4 +144,4 @@ def outline_names(solution: Any, turbine: Any) -> str:
             problem = "is not given: stl, step and sections need it, since polars have no shape"
             remedy = "give the outline in the case and run it again"
             raise InputError(problem, remedy, file=solution.folder, key=key)
-    return ", ".join(dict.fromkeys(Path(each.shape).name for each in turbine.sections))
+    return ", ".join(dict.fromkeys(Path(section.shape).name for section in turbine.sections))

@@ -622,7 +622,7 @@ class Summary(Achieved):
 
     def _better(self) -> Iterator[str]:
         """Yield that a branch which was not taken is better without time."""
-        branches = sorted(self.branches or (), key=lambda each: not each.taken)
+        branches = sorted(self.branches or (), key=lambda way: not way.taken)
         for way in branches[1:]:
             base, best = branches[0].objective_J, way.objective_J
             if way.kept and base and best and best - base > BETTER * abs(base):
@@ -718,7 +718,7 @@ class Summary(Achieved):
             model = case.rotor.added_inertia
             yield water_inertia(self.water_inertia_kg_m2, self.inertia_kg_m2, model)
         yield Row("mass", self.mass_kg, "kg", digits=4)
-        yield from (each.row() for each in self.at_bounds or ())
+        yield from (entry.row() for entry in self.at_bounds or ())
 
     def _optimization(self) -> Iterator[Row]:
         """Yield the rows of the computation."""
@@ -730,7 +730,7 @@ class Summary(Achieved):
         work = f"{self.optimizer} ({self.package}), {measured(self.iterations)} iterations, {time}"
         yield Row("optimizer", work if self.optimizer else None)
         if self.passes:
-            remedies = (f"{each.remedy}: {each.why}" for each in self.passes if each.remedy)
+            remedies = (f"{entry.remedy}: {entry.why}" for entry in self.passes if entry.remedy)
             note = "; ".join(remedies).replace("_", " ")
             yield Row("optimizations", len(self.passes), "", note)
         if self.starts:

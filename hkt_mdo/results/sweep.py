@@ -228,7 +228,7 @@ class SweepTable:
         name = self.sweep.front
         if name is None:
             return next(iter(self.numeric), "")
-        names = [x for x, each in self.columns.items() if each.dtype.kind == "f"]
+        names = [x for x, column in self.columns.items() if column.dtype.kind == "f"]
         if name not in names:
             remedy, where = f"give one of {', '.join(names)}", self.folder / SWEEP
             raise InputError("is no column of numbers", remedy, file=where, key="front", value=name)

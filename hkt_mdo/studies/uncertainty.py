@@ -163,7 +163,7 @@ def noisy_runs(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, see
     step = period / substeps
     law, speed = design.physics.law, np.full(repeats, design.initial_speed(inflow))
     estimate, before, control = design.controller.estimate, None, 0.0
-    states = [np.full(repeats, each) for each in design.start(inflow, speed[0])[1:]]
+    states = [np.full(repeats, state) for state in design.start(inflow, speed[0])[1:]]
     low_pass, memory = ([1.0], [1.0]), np.empty((0, repeats))  # none
     if sensor.cutoff is not None:
         low_pass = signal.butter(2, sensor.cutoff, fs=1.0 / period)
