@@ -107,7 +107,7 @@ def validated(
     if more:
         others = "; ".join(f"{words[0]} {words[1]}" for words in more[:3])
         remedy = f"{remedy} (and {len(more)} more: {others})"
-    for overridden, text in applied.items():
+    for overridden, text in reversed(applied.items()):
         if key == overridden or key.startswith((f"{overridden}.", f"{overridden}[")):
             file = f"{file}, override {text if len(text) <= 60 else text[:57] + '...'}"
             break

@@ -1,6 +1,5 @@
 """The turbine and the water: sections `rotor` and `fluid`."""
 
-from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -8,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import AfterValidator, Field, Strict, ValidationInfo, model_validator
 
-from hkt_mdo.errors import InputError, did_you_mean
+from hkt_mdo.errors import did_you_mean
 from hkt_mdo.files.aerodyn import coordinates_of
 from hkt_mdo.files.shipped import MATERIALS, known_names, nearest_names, shipped_rotor
 from hkt_mdo.sections import Flaws, Quantity, Section, find_file, refusal
@@ -24,12 +23,14 @@ def _find_file(value: str, info: ValidationInfo) -> str:
 
 
 def _outline_of_polar(value: str | None, info: ValidationInfo) -> str | None:
-    """Return the outline; without one the polar, if that names or holds coordinates (AeroDyn)."""
-    polar = info.data.get("polar")
-    if value is None and polar:
-        with suppress(InputError):  # told where the polar is read
-            return polar if coordinates_of(Path(polar)) else None
-    return value
+    """Return the outline; without one the polar, if it names or holds coordinates (AeroDyn).
+
+    Else that of a shipped blade.
+    """
+    polar = Path(info.data.get("polar") or "")
+    if value is None and polar.is_file() and coordinates_of(polar):
+        return str(polar)
+    return value or shipped_rotor(info.data.get("blade")).get("outline")
 
 
 _File = Annotated[str, AfterValidator(_find_file)]
@@ -177,6 +178,8 @@ class Rotor(Section):
         shipped = shipped_rotor(data.get("blade", cls.model_fields["blade"].default))
         stated = {key: x for key, x in data.items() if x is not None and (key != "sections" or x)}
         replaced = {name for key in stated for name in _IN_PLACE.get(key, ())}
+        if stated.get("polar") not in (None, *known_names("polar")):
+            replaced |= {"outline"}  # a file may bring its own
         return {key: x for key, x in shipped.items() if key not in replaced} | stated
 
     @property

@@ -92,6 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
     rest, begin = [*(sys.argv[1:] if arguments is None else arguments)], []
+    rest = [y for x in rest for y in (x.split("=", 1) if x.startswith("--extend=") else [x])]
     while "--extend" in rest[:-1]:  # wherever it stands it is an option of hkt
         at = rest.index("--extend")
         begin += rest[at : at + 2]

@@ -60,8 +60,7 @@ class Aggregate(Section):
         With upper bounds on the rates it is an upper bound on the measure, which must not decrease
         if a rate increases.
         """
-        unknowns = self.best_unknowns(rates, shares)
-        return float(np.real(self.value(rates, shares, unknowns)))
+        return float(np.real(self.value(rates, shares, self.best_unknowns(rates, shares))))
 
 
 class Expected(Aggregate):

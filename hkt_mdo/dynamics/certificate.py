@@ -44,6 +44,7 @@ class Certificate:
         half = 0.5 * np.diff(edges)[:, None]
         time = ((edges[:-1, None] + half) + half * places).ravel()
         self.time, self.weights = time - edges[0], (half * weights).ravel()
+        self.duration = edges[-1] - edges[0]
         self.speed, self.rate = inflow.speed_at(time), inflow.rate_at(time)
         low, high = self.speed.min(), self.speed.max()
         margin = 1e-3 * high
@@ -87,11 +88,9 @@ class Certificate:
         `most` is the largest multiplier: 1 if the torque may be lower, because a larger one gains
         nothing.
         """
-        braking = generated(self.rotor_speed) / self.scale
-        multiplier, speed = self._multiplier(braking, most)
+        multiplier, speed = self._multiplier(generated(self.rotor_speed) / self.scale, most)
         theta, balanced = (PchipInterpolator(self.flow, each) for each in (multiplier, speed))
-        time = self.time
-        duration = time[0] + time[-1]
+        time, duration = self.time, self.duration
         # rises from zero at both ends to one within RAMP
         part = np.minimum(np.minimum(time, duration - time) / RAMP, 1.0)
         sign = np.where(time < 0.5 * duration, 1.0, -1.0)

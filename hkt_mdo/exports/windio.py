@@ -150,9 +150,11 @@ def _re_sets(polars: tuple[Polar, ...], numbers: list[float]) -> list[dict]:
 
 def _efficiency(steady: dict[str, np.ndarray]) -> dict[str, Any]:
     """Return the efficiency over rotor speeds (rpm) along the steady operation."""
-    speed, first = np.unique(steady["rotor_speed"], return_index=True)
-    efficiency = (steady["electrical_power"] / steady["generator_power"])[first]
-    return _curve(speed * REVOLUTIONS, np.maximum(efficiency, 0.0))
+    running = steady["generator_power"] > 0.0
+    names = "rotor_speed", "electrical_power", "generator_power"
+    speed, electrical, generated = (steady[name][running] for name in names)
+    speed, first = np.unique(speed, return_index=True)
+    return _curve(speed * REVOLUTIONS, np.maximum((electrical / generated)[first], 0.0))
 
 
 def _control(design: Design) -> dict[str, Any]:

@@ -184,7 +184,7 @@ def read_old_airfoil(text: str, path: Path) -> list[PolarTable]:
             raise line_error(path, line, "begins a table without rows", _OLD_REMEDY, where)
         names = [*_COLUMNS[:3], fourth][: len(rows[0][1])]
         tables.append(polar_of_rows(rows, names, reynolds, path, where))
-    if len(tables) != count:
+    if len(tables) != count or not tables:
         problem = f"is not the number of tables that end with EOT, {len(tables)}"
         raise line_error(path, number, problem, _OLD_REMEDY, value=counted.strip())
     return tables

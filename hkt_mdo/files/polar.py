@@ -90,8 +90,7 @@ def _read_csv(text: str, path: Path) -> list[PolarTable]:
     polars = []
     for number in np.unique(column.values).tolist():
         rows = list(compress(table.rows, column.values == number))
-        where = f"reynolds = {number:g}"
-        polars.append(polar_of_rows(rows, table.header, number, path, where))
+        polars.append(polar_of_rows(rows, table.header, number, path, f"reynolds = {number:g}"))
     return polars
 
 

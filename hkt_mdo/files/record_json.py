@@ -82,6 +82,9 @@ def read_json(options: RecordFile) -> Columns:
     noaa = "metadata" in data and {*columns} == {*NOAA}
     if noaa:
         options = options.model_copy(update={"speed_column": options.speed_column or "s"})
+    if options.time_column not in (None, TIME):
+        remedy, key = "leave time_column out", "time_column"
+        raise InputError("has the times of each value beside it", remedy, file=path, key=key)
     names = choose([TIME, *columns], TIME, options)
     _, times, values, _, unit = series[columns.index(names[1])]
     if noaa and not options.speed_unit:

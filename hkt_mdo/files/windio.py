@@ -288,8 +288,7 @@ class _Turbine:
         arrays |= {name: np.interp(alpha, *curve) for name, curve in curves.items()}
         number = place.find("re")
         reynolds = number and number.number(0.0, 1e12, "give it as a plain number")
-        columns = array_columns(place.file, place.shown, **arrays)
-        return polar_table(columns, reynolds, place.shown)
+        return polar_table(array_columns(place.file, place.shown, **arrays), reynolds, place.shown)
 
 
 def _configuration(entry: Place) -> str | None:

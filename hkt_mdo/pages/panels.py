@@ -123,7 +123,7 @@ def _traces(curve: Curve, most: int, shades: str = "") -> list[Chart]:
     trace = named | {"type": "scatter", "mode": "lines"}
     trace |= {"x": plain(curve.x[shown], 7), "y": plain(curve.y[shown])}
     marker: Chart = {"color": curve.color}
-    trace |= {"customdata": list(curve.links)} if len(curve.links) else {}
+    trace |= {"customdata": list(np.array(curve.links)[shown])} if len(curve.links) else {}
     if curve.kind == "runs":
         marker |= {"symbol": SYMBOLS[index], "size": 9 if curve.shade is None else 14}
         if curve.shade is not None:

@@ -212,7 +212,7 @@ def excesses(physics: Physics, point: StartingPoint) -> dict[str, tuple[float, f
                 over = limit.excess(start)
                 worst = int(np.argmax(over))
                 if limit.name not in largest or over[worst] > largest[limit.name][0]:
-                    there = float(flow[worst]) if over.size == flow.size else None
+                    there = float(flow[worst]) if limit.place == "time" else None
                     largest[limit.name] = float(over[worst]), there
     return largest
 

@@ -438,10 +438,10 @@ def coefficient(results: Results, word: str) -> Panel:
         peak = getattr(summary, f"{column}_max", None)
         if peak is not None and column in result.solution.coefficients:
             x = np.array([getattr(summary, f"tip_speed_ratio_at_{column}_max")])
-            name = "" if result.index else "largest value"
+            name = "" if "largest value" in [x.name for x in panel.curves] else "largest value"
             panel.curves.append(result.curve(x, np.array([peak]), name, kind="points"))
         if summary.tip_speed_ratio and (ends := summary.tip_speed_ratio.ends):
-            name, index = "" if result.index else "range operated in", result.index
+            name, index = "" if panel.spans else "range operated in", result.index
             panel.spans.append(Span(*ends, name, result.color(), index if result.label else None))
     return panel
 

@@ -248,8 +248,7 @@ class Design:
         """
         if not self.law.states:
             return np.array([speed])
-        flow = inflow.speed_at(np.array([time]))
-        _, _, states = equilibria(self.plant, self.controller, flow)
+        _, _, states = equilibria(self.plant, self.controller, inflow.speed_at(np.array([time])))
         return np.append(speed, states[:, 0])
 
 

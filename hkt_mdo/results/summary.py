@@ -335,8 +335,8 @@ class YearEntry(_Entry):
     def rows(self) -> Iterator[Row]:
         """Yield the entry as rows."""
         words = {"speed": "by the flow's speed", "record": "by the length of the record"}
-        parts = self.uncertainty_by.items()
-        by = (words[k] + (": not known" if x is None else f" {100.0 * x:.2g} %") for k, x in parts)
+        parts = ((words.get(k, k), x) for k, x in self.uncertainty_by.items())
+        by = (k + (": not known" if x is None else f" {100.0 * x:.2g} %") for k, x in parts)
         yield Row("annual energy", self.energy_kWh, "kWh", "electrical, of 8766 h", 6)
         if self.kept not in (None, 1.0):
             lost = f"times {self.kept:.4g} for what is lost"

@@ -88,9 +88,10 @@ def write_table(folder: Path, sweep: Sweep, rows: Sequence[Row]) -> None:
         from pandas import DataFrame
 
         files[folder / "table.parquet"] = DataFrame(columns).to_parquet(None)
-    write_files(files)
     grid, shape, keys = folder / "grid.nc", sweep.shape, sweep.columns
-    grid.unlink(missing_ok=True)
+    for stale in {grid, folder / "table.parquet"} - {*files}:
+        stale.unlink(missing_ok=True)
+    write_files(files)
     if not sweep.sampled and len(rows) == sweep.size and all(map(find_spec, ("xarray", "netCDF4"))):
         from xarray import Dataset
 

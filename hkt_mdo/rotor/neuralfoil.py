@@ -83,8 +83,7 @@ def compute_polars(
         )
         columns = {"alpha_deg": degrees, "cl": lift, "cd": drag, "cm": moment}
         columns |= zip(SURFACES, -potential_suction(outline, alpha, lift), strict=True)
-        table = polar_table(array_columns(name, **columns), number)
-        return ComputedPolar(table, confidence)
+        return ComputedPolar(polar_table(array_columns(name, **columns), number), confidence)
 
     return tuple(map(polar, reynolds))
 

@@ -44,9 +44,10 @@ def run_batch(
     def ended(folder, future):
         try:
             solutions[folder] = future.result()
-            done(folder, "ok" if solutions[folder].success else "failed")
+            word = "ok" if solutions[folder].success else "failed"
         except Exception as error:  # one failing run must not end the others
-            done(folder, why_failed(error))
+            word = why_failed(error)
+        done(folder, word)
 
     in_processes(waiting.items(), jobs, ended)
     return solutions

@@ -68,7 +68,7 @@ def in_processes(
                 ended(keys.pop(future), future)
                 future.release()
             if client.cluster is not None:  # one that died as it started has not come back
-                client.cluster.scale(jobs or os.cpu_count())
+                client.cluster.scale(jobs or os.cpu_count() or 1)
             room = max(1, len(threads)) - len(keys)
             for key, task in islice(waiting, max(0, room)):
                 keys[client.submit(_call, dumps(task), pure=False)] = key

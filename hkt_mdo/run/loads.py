@@ -107,8 +107,7 @@ def placed(blade: Blade, pairs: list[tuple[RotorModel, Series]]) -> dict[str, Lo
     entries = largest(series for _, series in pairs)
     for name, (r, values) in over_span(blade, pairs).items():
         if name in entries:
-            where = {"r_m": float(r[np.argmax(values)])}
-            entries[name] = entries[name].model_copy(update=where)
+            entries[name] = entries[name].model_copy(update={"r_m": float(r[np.argmax(values)])})
     return entries
 
 

@@ -209,7 +209,7 @@ def read_iterate(out: Path, physics: Physics) -> tuple[Physics, StartingPoint | 
     content = read_bytes(path, MAX_BYTES, "iterate of a run")
     try:
         data = json.loads(content)
-        if data.get("version", 0) > ITERATE:
+        if data["version"] > ITERATE:
             raise InputError("was written by a newer version of hkt_mdo", REMEDY, file=path)
         physics, operation = _over_time(physics, data)
         blade, gains, reference = _design(physics, data)
@@ -245,7 +245,7 @@ def _over_time(physics, data) -> tuple[Physics, Operation]:
         ends, *series = (entries[scenario.name][key] for key in (*OVER_TIME, *physics.law.states))
         edges, before = np.array(ends, dtype=float), scenario.edges
         same = np.array_equal(edges[[0, -1]], before[[0, -1]]) and np.all(np.isin(before, edges))
-        if edges.ndim != 1 or not same or np.any(np.diff(edges) <= 0.0):
+        if edges.ndim != 1 or not same or not np.all(np.diff(edges) > 0.0):
             raise ValueError
         scenarios.append(replace(scenario, edges=edges))
         rows.append([_numbers(row, scenarios[-1].samples.size) for row in series])

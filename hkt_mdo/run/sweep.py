@@ -59,7 +59,7 @@ def run_sweep(
     with locked(out):
         (out / RUNS).mkdir(exist_ok=True)
         write_files({out / SWEEP: sweep.to_yaml()})
-        plan = Plan(sweep, out, run, report, most or sweep.size)
+        plan = Plan(sweep, out, run, report, sweep.size if most is None else most)
         try:
             in_processes(plan.tasks(), jobs, plan.ended, scheduler, out)
         finally:

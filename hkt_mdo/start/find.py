@@ -260,8 +260,7 @@ class Search:
         Inertia has no effect without time. Over time it keeps limits in gusts: of three blades that
         tie under a limit of the power in turbulence, the heaviest leads to 5 % more energy.
         """
-        rotor = self.physics.rotor
-        return max(_ties(optima), key=lambda end: rotor.mass_and_inertia(end.blade)[1])
+        return max(_ties(optima), key=lambda end: self.physics.rotor.mass_and_inertia(end.blade)[1])
 
     def as_given(self, candidate: Candidate, branch: str) -> StartingPoint:
         """Return a candidate as it is, in operation over the whole flow."""

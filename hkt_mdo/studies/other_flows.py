@@ -194,10 +194,10 @@ class Run:
         text = "no run reached the end"
         if energy.size:
             mean, spread = energy.mean(), energy.std(ddof=1) if energy.size > 1 else 0.0
-            change = 100.0 * (mean / quiet.energy - 1.0)
-            text = f"captured energy of the others: mean {measured(mean, 'J', 6)} ({change:+.3f} % "
-            text += f"from that without noise), standard deviation {measured(spread, 'J')}, worst "
-            text += measured(energy.min(), "J", 6)
+            change = f" ({100.0 * (mean / quiet.energy - 1.0):+.3f} % from that without noise)"
+            change *= quiet.stopped_at is None
+            text = f"captured energy of the others: mean {measured(mean, 'J', 6)}{change}, standard"
+            text += f" deviation {measured(spread, 'J')}, worst {measured(energy.min(), 'J', 6)}"
         return [
             f"sensor: {sensor.snr:g} dB of the {sensor.reference} speed, sigma = "
             f"{noisy.noise_deviation:.4f} rad/s, {sensor.rate:g} Hz, seed {seed}; "
@@ -458,8 +458,7 @@ def simulations(
         remedy = "leave --noise-snr out" if noise else "give --start-up with --shut-down"
         raise InputError("is for a start from standstill, without noise", remedy, key="--start-up")
     if condition is not None:
-        case = solution.case.with_overrides(f"condition={condition}")
-        solution = replace(solution, case=case)
+        solution = replace(solution, case=solution.case.with_overrides(f"condition={condition}"))
     wake, against = solution.case.inflow_dynamics, ""
     if dynamics is not None or tau1 is not None:
         asked = json.dumps({"model": dynamics or wake.model, "tau1": tau1})
@@ -468,9 +467,9 @@ def simulations(
         against = "--noise-snr, whose runs take the torque from a table"
     if start:
         against = "--start-up, which begins where the model is not valid (docs/dynamic_inflow.md)"
-    if wake.remembers and against and dynamics is not None:  # that of the case is left out
-        problem, where = f"does not go with {against}", {"key": "--inflow-dynamics"}
-        raise InputError(problem, "leave one of them out", value=dynamics, **where)
+    if wake.remembers and against and (dynamics or tau1):  # that of the case is left out
+        problem, key = f"does not go with {against}", "--inflow-dynamics" if dynamics else "--tau1"
+        raise InputError(problem, "leave one of them out", key=key, value=dynamics or tau1)
     runs = runs_of(solution, flow, seeds, wake.remembers and not against, wake.tau1)
     return [replace(run, start=start, stop=stop, noise=noise) for run in runs]
 
@@ -505,7 +504,7 @@ def largest(runs: Sequence[Run]) -> dict[str, Extreme]:
         for name, entry in run.extremes.items():
             key = f"{name} without limit" if name in limited and entry.limit is None else name
             pair = entry.model_copy(update={"scenario": run.name or None}), entries.get(key, entry)
-            entries[key] = max(pair, key=lambda x: x.share or x.value)
+            entries[key] = max(pair, key=lambda x: (x.value if x.share is None else x.share) or 0.0)
     return entries
 
 

@@ -118,7 +118,7 @@ def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) ->
     fast = np.flatnonzero(missing(run_up.time) >= 0.0)
     if not fast.size:
         return StartStop(run_up, None, None, None, 2.0 * radius)
-    start = brentq(missing, *run_up.time[fast[0] - 1 : fast[0] + 1])
+    start = brentq(missing, *run_up.time[fast[0] - 1 : fast[0] + 1]) if fast[0] else 0.0
     end = duration if stop is None else stop
     if start >= end:
         return StartStop(run_up, start, None, None, 2.0 * radius)
