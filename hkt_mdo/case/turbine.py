@@ -146,8 +146,8 @@ class Rotor(Section):
     or naca63815_Re2e5."""
     outline: _Outline = None
     """Outline, for thickness, mass and stress: a shipped name, or the path of a CSV file
-    (`x_over_c, y_over_c`), of a Selig or Lednicer file, or of AeroDyn's coordinates; null: the
-    blade's own, or that which the `polar` names, or naca63815."""
+    (`x_over_c, y_over_c`), of a Selig or Lednicer file, or of AeroDyn's coordinates; null: that
+    which the `polar` names, or the blade's own, or naca63815."""
     sections: Annotated[tuple[SectionFile, ...], Field(max_length=50)] = ()
     """Several sections in place of `polar` and `outline`, blended along the blade by thickness or
     by name, as in the blade file."""
