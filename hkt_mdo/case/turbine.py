@@ -1,5 +1,6 @@
 """The turbine and the water: sections `rotor` and `fluid`."""
 
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -7,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import AfterValidator, Field, Strict, ValidationInfo, model_validator
 
-from hkt_mdo.errors import did_you_mean
+from hkt_mdo.errors import InputError, did_you_mean
 from hkt_mdo.files.aerodyn import coordinates_of
 from hkt_mdo.files.shipped import MATERIALS, known_names, nearest_names, shipped_rotor
 from hkt_mdo.sections import Flaws, Quantity, Section, find_file, refusal
@@ -23,21 +24,24 @@ def _find_file(value: str, info: ValidationInfo) -> str:
 
 
 def _outline_of_polar(value: str | None, info: ValidationInfo) -> str | None:
-    """Return the outline; without one the polar, if it names or holds coordinates (AeroDyn).
+    """Return the outline; without one the polar, if it has coordinates (AeroDyn), or the blade's.
 
-    Else that of a shipped blade.
+    A table whose coordinates are missing can be read alone.
     """
-    polar = Path(info.data.get("polar") or "")
-    if value is None and polar.is_file() and coordinates_of(polar):
-        return str(polar)
-    return value or shipped_rotor(info.data.get("blade")).get("outline")
+    polar = info.data.get("polar")
+    if value is None and polar:
+        with suppress(InputError):
+            value = polar if coordinates_of(Path(polar)) else None
+        value = value or shipped_rotor(info.data.get("blade")).get("outline")
+    return value
 
 
 _File = Annotated[str, AfterValidator(_find_file)]
 MOST_DRAW, MOST_SPREAD = 3.0, 0.3  # standard deviations; largest one, so that none is negative
 _Outline = Annotated[_File | None, AfterValidator(_outline_of_polar), Field(validate_default=True)]
 _Station = Annotated[float, Quantity(gt=0, lt=1)]
-_IN_PLACE = {"station_count": {"stations"}, "polar": {"sections"}, "sections": {"polar", "outline"}}
+_SECTIONS = {"polar": {"sections", "outline"}, "sections": {"polar", "outline"}}
+_IN_PLACE = _SECTIONS | {"station_count": {"stations"}}
 """By a key of a rotor that is given: the keys of a shipped blade that it replaces."""
 
 _Wall = Annotated[float, Quantity(gt=0, le=0.5)]
@@ -178,8 +182,6 @@ class Rotor(Section):
         shipped = shipped_rotor(data.get("blade", cls.model_fields["blade"].default))
         stated = {key: x for key, x in data.items() if x is not None and (key != "sections" or x)}
         replaced = {name for key in stated for name in _IN_PLACE.get(key, ())}
-        if stated.get("polar") not in (None, *known_names("polar")):
-            replaced |= {"outline"}  # a file may bring its own
         return {key: x for key, x in shipped.items() if key not in replaced} | stated
 
     @property
