@@ -89,8 +89,7 @@ def test_partials_of_the_measures_are_exact_and_sparse(measure):
 
 def test_realizations_are_scenarios_of_consecutive_seeds_that_share_a_weight():
     flows = {"name": "river", "inflow": TURBULENCE, "weight": 0.6, "realizations": 3}
-    data = case(flows, {"inflow": "sine", "weight": 0.4})
-    made = load_case(data)
+    made = load_case(case(flows, {"inflow": "sine", "weight": 0.4}))
     assert [each.name for each in made.scenarios] == ["river_1", "river_2", "river_3", "flow_2"]
     assert [each.inflow.seed for each in made.scenarios[:3]] == [7, 8, 9]
     assert sum(each.weight for each in made.scenarios[:3]) == pytest.approx(0.6, rel=1e-15)

@@ -50,8 +50,7 @@ def test_motion_is_that_with_an_exact_sensor_and_settles_where_the_estimate_says
     )
     np.testing.assert_allclose(estimated.rotor_speed, sensed.rotor_speed, rtol=1e-5)
     dense, flow = replace(plant, density=1100.0), ConstantInflow(speed=1.5)
-    controller = FeedbackTorque(LAW, gains, estimate)
-    run = simulate(dense, flow, controller, *start)
+    run = simulate(dense, flow, FeedbackTorque(LAW, gains, estimate), *start)
     told = run.states[1, -1]
     assert run.rotor_speed[-1] == pytest.approx(unit * told, rel=1e-6)
     torque = dense.torque(run.rotor_speed[-1:], np.array([1.5]))

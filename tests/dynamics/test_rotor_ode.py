@@ -83,8 +83,7 @@ def test_partials_of_direct_bem_by_central_difference(reynolds):
     turbine = build_turbine(Rotor(polar=polars, reynolds=reynolds), Fluid(), 1.5)
     direct = {"blade": turbine.blade, "polar": turbine.polar}
     direct["coefficients"] = bem.rotor_coefficients
-    ode = RotorODE(N, SineInflow(), direct, LIMITED, LOSSLESS)
-    problem = om.Problem(ode, reports=False)
+    problem = om.Problem(RotorODE(N, SineInflow(), direct, LIMITED, LOSSLESS), reports=False)
     problem.setup()
     for name, value in (KNOWN | {"gain_0": 7.2}).items():
         problem.set_val(name, value)

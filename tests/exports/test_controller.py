@@ -174,8 +174,7 @@ def test_steps_of_tracking_converge_to_the_continuous_law(tracking, tmp_path):
 
 
 def test_the_sample_time_follows_the_loop(tracking, tmp_path):
-    design = tracking.design()
-    answers = design.inertia / KP
+    answers = tracking.design().inertia / KP
     export(tracking, ["controller"], tmp_path)
     period = module_of(tmp_path).SAMPLE_TIME
     assert 0.1 * answers < period <= 0.2 * answers

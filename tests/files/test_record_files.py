@@ -464,6 +464,7 @@ def test_json_of_noaa_and_usgs(put, form):
 def test_json_with_more_times_than_rows_is_refused(put):
     path = put("a.json", json.dumps(JSON["split"] | {"index": [*DATES, "2030-01-01"]}))
     assert "times and" in refused(read_record, path, speed_column="s", speed_unit="cm/s")
+    assert "leave time_column out" in refused(read_record, path, time_column="d")
 
 
 @pytest.mark.parametrize(("unit", "seconds"), [("s", 1.0), ("us", 1e-6), ("ns", 1e-9)])

@@ -205,8 +205,7 @@ def test_energy_of_two_scenarios_is_the_weighted_sum_of_the_single_ones(name):
         assert both.get_val(output)[0] == pytest.approx(expected, rel=1e-13), output
     energies = []
     for scenario in world.scenarios:
-        alone = replace(world, scenarios=(replace(scenario, weight=1.0),))
-        single, _ = assembled(alone)
+        single, _ = assembled(replace(world, scenarios=(replace(scenario, weight=1.0),)))
         for name in single.model.get_design_vars():
             single.set_val(name, both.get_val(name))
         single.run_model()

@@ -190,8 +190,7 @@ class LargestMeanChord(Limit):
 def test_limits_along_the_span_and_over_time_with_it():
     twist, thrust = np.array([0.3, 0.2, 0.1]), np.linspace(1e3, 2e3, N)
     limit = ShareAbove()
-    component = FormulaComp(formula=limit, size=N)
-    problem = checked(component, thrust=thrust, twist=twist)
+    problem = checked(FormulaComp(formula=limit, size=N), thrust=thrust, twist=twist)
     np.testing.assert_allclose(problem.get_val("value"), thrust * 0.14, rtol=1e-14)
     mean = LargestMeanChord()
     assert (limit.place, mean.place) == ("time", "span")

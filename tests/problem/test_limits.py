@@ -81,8 +81,7 @@ def test_taper_is_asked_of_the_stations_outboard_of_a_place():
     ],
 )
 def test_partials_against_complex_step(limit, given):
-    size = next(iter(given.values())).size
-    component = FormulaComp(formula=limit, size=size)
+    component = FormulaComp(formula=limit, size=next(iter(given.values())).size)
     checked(component, 1e-14, 1e-12, **given)
 
 

@@ -136,6 +136,7 @@ def test_an_aerodyn_polar_brings_its_outline(turbine, tmp_path):
     stretched = foil.area * found.thickness / foil.thickness
     np.testing.assert_allclose(found.structure.section_area, stretched, rtol=1e-12)
     assert any("foil.dat: outline from the coordinates" in line for line in found.messages)
+    assert turbine("polar: foil.dat").thickness == pytest.approx(foil.thickness)
     other = turbine("blade: b.csv, radius: 1, polar: foil.dat, outline: naca63815")
     stretched = other.thickness * Outline.from_file("naca63815").area
     np.testing.assert_allclose(other.structure.section_area, stretched / 0.15, rtol=1e-3)

@@ -19,6 +19,7 @@ from hkt_mdo.errors import install
 from hkt_mdo.exports.solids import outline_volume
 from hkt_mdo.pages import blade, page, panels
 from hkt_mdo.results.charts import Labelled
+from hkt_mdo.results.panel import Curve
 from hkt_mdo.results.solution import Solution
 from tests.conftest import edit_summary, make_result
 from tests.exports.made import made
@@ -127,7 +128,10 @@ def test_charts_hold_the_numbers_of_the_tables(texts, folders):
 )
 def test_thinning_keeps_extremes_ends_and_gaps(values, most):
     values = np.array(values)
-    kept = panels.thinned(np.arange(values.size), values, most)
+    x = np.arange(values.size)
+    kept = panels.thinned(x, values, most)
+    marked = Curve(x, values, "a front", "#123456", kind="marked", links=[*map(str, x)])
+    assert list(panels._traces(marked, most)[0]["customdata"]) == list(map(str, x[kept]))
     gaps = np.flatnonzero(np.isnan(values))
     assert np.all(np.diff(kept) > 0)
     assert {0, values.size - 1, *gaps} <= set(kept)

@@ -41,8 +41,7 @@ def test_the_table_has_a_grid_too(folder):
         assert float(found) == 301.0
         assert grid["objective"].isnull().sum() == 1
         assert str(grid["message"][1, 1].item()) == "<b>its worker died</b>"
-    pandas = pytest.importorskip("pandas")
-    frame = pandas.read_parquet(folder / "table.parquet")
+    frame = pytest.importorskip("pandas").read_parquet(folder / "table.parquet")
     with (folder / "table.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert frame["mass_kg"].tolist()[:3] == [float(row["mass_kg"]) for row in rows[:3]]

@@ -42,8 +42,7 @@ def test_a_run_writes_arrays_and_drops_what_json_lacks() -> None:
         "tip_speed_ratio": {"min": np.nan},
     }
     plain = {"surrogate_error": None, "r_m": [1.0], "tip_speed_ratio": {"min": None}}
-    found = Summary.parse(to_json(values)).model_dump(exclude_unset=True)
-    assert found == values | plain
+    assert Summary.parse(to_json(values)).model_dump(exclude_unset=True) == values | plain
 
 
 def test_a_newer_summary_is_refused(result_folder: Path) -> None:

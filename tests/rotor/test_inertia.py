@@ -59,8 +59,7 @@ def test_water_of_a_plate_turning_like_a_paddle():
         assert found == pytest.approx(paddle.blade_count * cylinder, rel=1e-12)
         flat = paddle.with_shape(chord, np.zeros(5))
         assert water_inertia(flat, 1000.0) == 0.0
-        thick = water_inertia(flat, 1000.0, 0.3)
-        assert thick == pytest.approx(0.09 * found, rel=1e-12)
+        assert water_inertia(flat, 1000.0, 0.3) == pytest.approx(0.09 * found, rel=1e-12)
 
 
 def test_the_planform_is_the_integral_of_the_chord():

@@ -21,8 +21,7 @@ BOUNDS, FREE = {"chord": (0.05, 0.4), "twist": (-0.1, 0.6)}, {"chord": None, "tw
 @pytest.fixture(scope="module")
 def rotor():
     polar = PolarFamily.from_file("naca63815_Re2e5").polars[0]
-    outline = Outline.from_file("naca63815")
-    structure = Structure.of(outline, 2700.0)
+    structure = Structure.of(Outline.from_file("naca63815"), 2700.0)
     return RotorModel(polar=polar, hub_inertia=0.5, structure=structure, depth=3.0)
 
 

@@ -35,8 +35,7 @@ class KarmanTrefftz:
     def __init__(self, n_points=400):
         self.centre, self.power = -0.07 + 0.06j, 2.0 - np.deg2rad(12.0) / np.pi
         self.radius, self.beta = abs(1.0 - self.centre), np.arcsin(0.06 / abs(1.0 - self.centre))
-        zeta = self.circle(np.linspace(0.0, 2.0 * np.pi, n_points + 1))
-        z = self.map(zeta)
+        z = self.map(self.circle(np.linspace(0.0, 2.0 * np.pi, n_points + 1)))
         z[0] = z[-1] = self.power
         nose = z[np.argmax(np.abs(z - z[0]))]
         self.chord = z[0] - nose  # complex: its angle turns the axes

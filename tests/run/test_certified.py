@@ -18,6 +18,9 @@ def _world(law, limit, **sections):
     return physics(load_case({"inflow": {"profile": "sine"}, "control": control} | sections))
 
 
+EVEN = np.linspace(0.0, 60.0, 61)  # edges of a mesh, s
+
+
 def _certified(world):
     optimum = world.rotor.best_of_shape(world.shape, world.blade)
     bound = energy_bound(world, optimum)
@@ -31,10 +34,10 @@ def _simulated(world, blade, torque, speed):
     return simulate(plant, world.inflow, torque, speed, np.linspace(0.0, 60.0, 601), 1.0).energy
 
 
-def _certificate(world, optimum, inertia):
+def _certificate(world, optimum, inertia, edges=EVEN):
     about = world.density, world.blade.rotor_radius, world.case.generator.friction
     best = *_best_power(world, optimum), (inertia, inertia)
-    return Certificate(*best, world.inflow, np.linspace(0.0, 60.0, 61), *about)
+    return Certificate(*best, world.inflow, edges, *about)
 
 
 # Theory
@@ -58,6 +61,14 @@ def test_quadratic_feedback_without_a_limit_leaves_no_duality_gap():
     inertia = world.rotor.mass_and_inertia(world.blade)[1]
     found = _certificate(world, optimum, inertia).of_law(QuadraticFeedback())
     assert found == pytest.approx(bound, rel=2e-5)
+
+
+def test_edges_beside_the_ends_of_the_mesh_change_nothing():
+    world = _world("quadratic", 700.0)
+    own = world, _certified(world)[0], world.rotor.mass_and_inertia(world.blade)[1]
+    edges = np.r_[0.0, 0.001, 0.05, 1.0:61.0]
+    bounds = [each.of_limit(700.0) for each in (_certificate(*own), _certificate(*own, edges))]
+    assert bounds[1] == pytest.approx(bounds[0], rel=1e-6)
 
 
 @pytest.mark.parametrize("law", ["linear", "quadratic"])

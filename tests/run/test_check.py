@@ -137,8 +137,7 @@ def test_a_wall_that_fills_the_section_is_a_note() -> None:
 
 def test_unknowns_and_constraints_are_those_of_the_transcription() -> None:
     """Order 3: a speed at every end of a segment and its rate within; one defect a segment."""
-    phase = "phase={segments: 7, duration: 7}"
-    report = check("control.torque_limit=700", phase)
+    report = check("control.torque_limit=700", "phase={segments: 7, duration: 7}")
     ends, nodes = 7 + 1, 3 * 7
     problem = evaluated_problem(report.findings)  # a driver does not hold its problem
     unknowns = problem.driver.get_design_var_values()

@@ -237,8 +237,7 @@ def turned_blade(solved):
 
 
 def larger_rotor(solved):
-    blade = solved.result.point.blade
-    return with_point(solved, blade=blade.with_rotor_radius(1.45 * 1.0001))
+    return with_point(solved, blade=solved.result.point.blade.with_rotor_radius(1.45 * 1.0001))
 
 
 def larger_gain(solved):

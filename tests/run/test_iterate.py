@@ -80,7 +80,7 @@ def test_a_file_of_another_version_is_refused(tmp_path, damaged):
     physics, data = damaged
     with pytest.raises(InputError, match=r"newer version.*--force"):
         read(tmp_path, physics, data | {"version": 99})
-    del data["version"], data["scenarios"]
+    del data["version"]
     with pytest.raises(InputError, match=r"no iterate of this case.*--force"):
         read(tmp_path, physics, data)
 
@@ -108,6 +108,7 @@ def test_a_corrupt_file_is_refused(tmp_path, whole, content):
         ("segment_ends_s", lambda ends: ends[::-1]),
         ("segment_ends_s", lambda ends: ends[1:]),
         ("segment_ends_s", lambda ends: [0.0]),
+        ("segment_ends_s", lambda ends: [ends[0], None, *ends[1:]]),
     ],
 )
 def test_an_iterate_that_cannot_be_of_this_case_is_refused(tmp_path, damaged, key, damage):

@@ -25,8 +25,7 @@ def test_databases_of_a_long_flow_have_only_the_design(tmp_path, whole):
     problem.run_driver()
     problem.record("final")
     problem.cleanup()
-    history = om.CaseReader(str(tmp_path / "history.db"))
-    (last, *_) = history.get_cases("driver")
+    (last, *_) = om.CaseReader(str(tmp_path / "history.db")).get_cases("driver")
     final = om.CaseReader(str(tmp_path / "solution.db")).get_case("final")
     over_time = {"traj.timeseries.x"} if whole else set()
     assert {*last.get_design_vars()} == {"c"} | over_time

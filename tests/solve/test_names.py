@@ -44,8 +44,7 @@ def test_drivers(problem):
     bounds = problem.driver._autoscaler.get_bounds_scaling("design_var")
     assert not missing(bounds["gain_0"], "lower upper equals")
     assert not missing(om.ScipyOptimizeDriver, "_objfunc _compute_totals")
-    scipy = om.ScipyOptimizeDriver()
-    assert not missing(scipy, "_exc_info _reraise _scipy_optimize_result")
+    assert not missing(om.ScipyOptimizeDriver(), "_exc_info _reraise _scipy_optimize_result")
     assert not missing(om.pyOptSparseDriver, "_objfunc _gradfunc _signal_handler")
 
 

@@ -84,8 +84,7 @@ def test_gains_over_the_flow_s_range_are_those_of_the_same_flow(result):
 
 
 def test_it_is_interpolated_over_the_stations_of_the_case(result):
-    case = world(result(), rotor={"station_count": 30})
-    blade = given_designs(case)[0][0].blade
+    blade = given_designs(world(result(), rotor={"station_count": 30}))[0][0].blade
     given = physics(load_case({"inflow": "sine", "control": "quadratic"})).blade
     assert blade.r.size == 30
     expected = 0.9 * np.interp(blade.r, given.r, given.chord)
