@@ -178,8 +178,7 @@ def _words(error: ErrorDetails, root: type[Section]) -> tuple[str, str, str, dic
         case "string_pattern_mismatch" | "string_too_long" | "string_too_short":
             problem, remedy = "cannot be its name", f"give the {inside}"
         case "extra_forbidden":
-            last = str(error["loc"][-1])
-            problem, remedy = "unknown key", _suggest_key(key, last, section, root)
+            problem, remedy = "unknown key", _suggest_key(key, str(error["loc"][-1]), section, root)
             if key.endswith("limits.torque"):  # its name in earlier versions
                 problem, remedy = "has another name", "write control.torque_limit"
         case "missing":

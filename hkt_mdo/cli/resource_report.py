@@ -121,8 +121,7 @@ def resource_panels(speed: np.ndarray, share: np.ndarray, samples: FlowSamples) 
     every = max(1, fastest.size // MOST_SHOWN)
     rank, size = 100.0 * np.cumsum(samples.share[fastest]), np.abs(samples.speed[fastest])
     curve = Curve(rank[::every], size[::every], "", COLORS[0])
-    exceeded = "exceeded in a share of the time (%)"
-    return [hours, Panel("speed of the flow (m/s)", exceeded, [curve])]
+    return [hours, Panel("speed of the flow (m/s)", "exceeded in a share of the time (%)", [curve])]
 
 
 def tide_panel(samples: FlowSamples, tide: Tide) -> Panel:

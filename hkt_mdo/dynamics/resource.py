@@ -213,8 +213,7 @@ class Resource(Inflow):
     @property
     def kept(self) -> float:
         """Factor on the energy by availability and losses."""
-        lost = (1.0 - self.array_losses) * (1.0 - self.electrical_losses)
-        return self.availability * lost
+        return self.availability * (1.0 - self.array_losses) * (1.0 - self.electrical_losses)
 
     def flaws(self) -> Flaws:
         if (self.reversal == "backwards") != (self.reversed_polar is not None):

@@ -36,8 +36,7 @@ class RotorODE(om.Group):
         if band := hydrodynamics.get("band"):
             parts["wake"] = WakeComp(n, band=band, size=band.nodes.size)
             parts["coefficient"] = CurveComp(n, coefficient, band)
-            inductions = "wake_induction", "place_induction"
-            parts["inductions"] = CurveComp(n, inductions, band.spline)
+            parts["inductions"] = CurveComp(n, ("wake_induction", "place_induction"), band.spline)
             parts["filters"] = FilterComp(n, share=band.share, tau1=hydrodynamics["tau1"])
         elif spline := hydrodynamics.get("spline"):
             parts["coefficient"] = CurveComp(n, coefficient, spline)

@@ -146,8 +146,7 @@ class SteadyFlow:
     def at_nodes(self, blade: Blade) -> tuple[np.ndarray, np.ndarray]:
         """Return the objective's rates (W) and the excess of the limits, both (n, n_nodes)."""
         nodes, n = self.spline.nodes, self.speeds.size
-        flow = np.repeat(self.speeds, nodes.size)
-        series = self.along(blade, np.tile(nodes, n), flow)
+        series = self.along(blade, np.tile(nodes, n), np.repeat(self.speeds, nodes.size))
         rate = self.physics.start_objective.rate_of(series)
         return rate.reshape(n, -1), self.excess(series).reshape(n, -1)
 
