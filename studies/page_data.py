@@ -34,6 +34,7 @@ RENDERED = {  # pages that are written from the results in their data, and by wh
     "cost": "cost_of_energy",
     "examples": "example_cases",
     "hour": "turbulent_hour",
+    "laws": "laws_study",
     "limits": "limits_study",
     "reynolds": "reynolds_study",
     "robust": "robust_study",
