@@ -128,11 +128,7 @@ def simulated(folder, file, river, state, count):
         known = json.loads(file.read_text(encoding="utf-8"))
         if known.pop("design") == design and len(known["power_W"]) == count:
             return known
-    first = solution.by_scenario[0]
-    base = {"inflow": "sine", "control": "quadratic", **STATES[state]}
-    changed = replace(first, case=first.case.of_turbine(None, load_case(base).condition)).design()
-    plant = changed.plant.tabulated(RATIOS)
-    changed = replace(changed, plant=plant, known=plant)
+    changed = replace_turbine(solution, state)
     minutes = {name: [] for name in ("power_W", "excess", "limit", "broken", "stops")}
     for seed in range(FIRST_UNSEEN, FIRST_UNSEEN + count):
         flow = {"inflow": RIVERS[river] | {"seed": seed}, "control": "quadratic"}
@@ -146,6 +142,15 @@ def simulated(folder, file, river, state, count):
             column.append(value)
     write_json(file, {"design": design, **minutes})
     return minutes
+
+
+def replace_turbine(solution, state):
+    """Return a finished design as it is in another state."""
+    first = solution.by_scenario[0]
+    base = {"inflow": "sine", "control": "quadratic", **STATES[state]}
+    design = replace(first, case=first.case.of_turbine(None, load_case(base).condition)).design()
+    plant = design.plant.tabulated(RATIOS)
+    return replace(design, plant=plant, known=plant)
 
 
 def interval(values, form="+.2f"):
