@@ -90,20 +90,19 @@ def main():
     def run(cases):
         folders = {given.out / "/".join(key).replace(" ", "_"): x for key, x in cases.items()}
         results = run_nested(folders, given.jobs, partial(print, flush=True))
-        return {(*key[1:], key[0]): x for key, x in zip(cases, results.values(), strict=True)}
+        return dict(zip(cases, results.values(), strict=True))
 
-    cases = {("sine", limit, law): case(limit, law) for limit in LIMITS for law in laws(limit)}
-    results = {(*key[:2], "designed"): x for key, x in run(cases).items()}
+    results = run({(x, law, "designed"): case(x, law) for x in LIMITS for law in laws(x)})
     better = [
         str(each).replace(f"{given.out}/", "") for each in dominated(filter(None, results.values()))
     ]
     kept = {}
-    for (_, limit, law), each in cases.items():
+    for limit, law, _ in results:
         best = results[limit, "open loop", "designed"]
         if law != "open loop" and best is not None and best.success:
             blade = best.summary.chord_m, best.summary.twist_deg
-            kept["sine", limit, law, "kept"] = with_blade(each, *blade, "fixed")
-    results |= {key[:3]: x for key, x in run(kept).items()}
+            kept[limit, law, "kept"] = with_blade(case(limit, law), *blade, "fixed")
+    results |= run(kept)
     data = {
         "; ".join(key): page_data.of_result(x, SHOWN if key[0] == "and 5 kW" else SHOWN[:1])
         for key, x in results.items()
@@ -132,12 +131,12 @@ def case(limit, law):
 def below(results, limit, law, blade):
     """Return the energy of a law over that of open loop, %; None: refused; nan: was not run."""
     key = f"{limit}; {law}; {blade}"
-    found, best = results.get(key, np.nan), results[f"{limit}; open loop; designed"]
-    if not isinstance(found, dict):
-        return found
-    if not (found["success"] and best["success"]):
+    result, best = results.get(key, np.nan), results[f"{limit}; open loop; designed"]
+    if not isinstance(result, dict):
+        return result
+    if not (result["success"] and best["success"]):
         return None
-    return percent(*(each["summary"]["simulated_energy_J"] for each in (found, best)))
+    return percent(*(each["summary"]["simulated_energy_J"] for each in (result, best)))
 
 
 def from_data(data):

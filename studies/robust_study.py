@@ -46,7 +46,7 @@ RIVERS = {
 SEEN, FIRST_UNSEEN = 5, 1001  # minutes of the calm river in designs; seed of the first other one
 SHOWN = "scenarios", "limits", "inertia_kg_m2"  # of the summaries, on the page
 FOULED = {"lift": 0.9, "drag": 1.5}
-MEASURES = {"nominal": None, "expected": "expected"}
+DESIGNS = "nominal", "expected"
 STATES = {"as new": {}, "fouled": {"condition": FOULED}}
 RATIOS = np.linspace(0.05, 25.0, 2500)  # tip speed ratios of the torque in unseen minutes
 DRAWS, INTERVAL = 10_000, (2.5, 97.5)  # of the bootstrap; per cent
@@ -78,7 +78,7 @@ def main():
     parser.add_argument("--flows", type=int, default=50, help="unseen minutes of each river")
     given = parser.parse_args()
     report = partial(print, flush=True)
-    keys = [*product(LAWS, MEASURES)]
+    keys = [*product(LAWS, DESIGNS)]
     folders = {key: given.out / "_".join(key) for key in keys}
     cases = {folder: case(*key) for key, folder in folders.items()}
     designs = dict(zip(keys, run_nested(cases, given.jobs, report).values(), strict=True))
@@ -87,12 +87,12 @@ def main():
         if designs[key] is None or not designs[key].success:
             continue
         file = folders[key] / f"{river}_{state}.json".replace(" ", "_")
-        tasks[key, file, f"{river}, {state}"] = partial(
+        tasks[key, f"{river}, {state}"] = partial(
             simulated, folders[key], file, river, state, given.flows
         )
 
     def ended(task, future):
-        key, _, name = task
+        key, name = task
         scores.setdefault("; ".join(key), {})[name] = future.result()
         report(*key, name)
 
@@ -108,12 +108,12 @@ def main():
 
 def case(law, name):
     """Return the case of a design."""
-    river, measure = RIVERS["calm"] | {"seed": 1}, MEASURES[name]
+    river = RIVERS["calm"] | {"seed": 1}
     data = {"control": {"law": law, "torque_limit": 700}, "limits": LIMITS}
-    if measure is None:
+    if name == "nominal":
         return load_case(data | {"inflow": river})
     flow = {"inflow": river, "realizations": SEEN, "name": "new"}
-    return load_case(data | {"scenarios": [flow], "robustness": measure})
+    return load_case(data | {"scenarios": [flow], "robustness": name})
 
 
 def simulated(folder, file, river, state, count):

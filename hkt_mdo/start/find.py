@@ -247,9 +247,8 @@ class Search:
         speed = np.concatenate([x.operation.rotor_speed for x in (begin, end)])
         gains = self.physics.bounded(law.fit(speed, simpler.demand(speed, end.gains)))
         problem, speed = self._quasi_steady(end.blade), end.operation.rotor_speed
-        held = end.operation.hydrodynamic_torque - problem.plant.generator.friction(speed)
-        asked = simpler.torque(speed, end.gains)
-        missed, moving = (np.sum(np.abs(x - asked)) for x in (law.torque(speed, gains), held))
+        others = law.torque(speed, gains), problem.generator_torque(speed)
+        missed, moving = (np.sum(np.abs(x - simpler.torque(speed, end.gains))) for x in others)
         own = problem.operate(gains) if missed > moving else end.operation
         return replace(end, gains=gains, operation=own if own.running else end.operation)
 
