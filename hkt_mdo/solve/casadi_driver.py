@@ -55,13 +55,8 @@ class CasadiIpoptDriver(ReportingDriver):
         self.supports.update(dict.fromkeys(_FEATURES, True))
         self.supports.update(dict.fromkeys(_LACKS, False))
         self.opt_settings: Settings = {}
-        self._total_jac_format = "array"
         self._error: BaseException | None = None
         self._gradients: tuple[np.ndarray, np.ndarray] | None = None
-
-    def _declare_options(self) -> None:
-        super()._declare_options()
-        self.options.declare("optimizer", default="IPOPT", values=["IPOPT"], desc="the optimizer")
 
     def _get_name(self) -> str:
         return "CasadiIpopt"
@@ -78,7 +73,7 @@ class CasadiIpoptDriver(ReportingDriver):
         self.iter_count = self.iterations = 0
         self._message, self._error = "stopped by an error", None
         self._total_jac = self._total_jac_linear = None
-        self._prepare_totals([*self._objs, *self._cons])
+        self._prepare_totals(self._get_ordered_nl_responses())
         self._check_for_missing_objective()
         self._check_for_invalid_desvar_values()
 
@@ -200,9 +195,8 @@ class CasadiIpoptDriver(ReportingDriver):
         if self._sparse is not None:
             totals = self._compute_sparse()
             return totals[0].toarray().ravel(), totals.data[self._pattern.data]
-        totals = self._compute_totals(
-            self._get_ordered_nl_responses(), list(self._designvars), self._total_jac_format
-        )
+        responses = self._get_ordered_nl_responses()
+        totals = self._compute_totals(responses, list(self._designvars), "array")
         rows, columns = self._pattern.tocoo().coords
         return totals[0].copy(), totals[1:][rows, columns]
 

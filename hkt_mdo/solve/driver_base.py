@@ -32,7 +32,9 @@ class Outcome:
 class ReportingDriver(Driver):
     """A driver that reports progress, and uses sparse totals where the model offers them."""
 
-    package = ""
+    package = optimizer = ""
+    tolerance = 1e-7
+    progress: Progress | None = None
     iterations = 0
     gap = 0.0
     """Share of the objective by which an optimum may be better than the end; 0 if it converged."""
@@ -47,12 +49,8 @@ class ReportingDriver(Driver):
         Outcome
             Not a success if the driver has not run.
         """
-        success, optimizer = bool(self.result.success), self.options["optimizer"]
-        return Outcome(success, self._message, self.iterations, self.package, optimizer)
-
-    def _declare_options(self) -> None:
-        super()._declare_options()
-        self.options.declare("progress", default=None, recordable=False, desc="a `Progress`")
+        success, names = bool(self.result.success), (self.package, self.optimizer)
+        return Outcome(success, self._message, self.iterations, *names)
 
     def _setup_driver(self, problem: om.Problem) -> None:
         super()._setup_driver(problem)
@@ -76,9 +74,9 @@ class ReportingDriver(Driver):
 
     def _report(self, count: int) -> None:
         """Call `progress` with the current state of the model."""
-        if progress := self.options["progress"]:
+        if self.progress is not None:
             objective = next(iter(self.get_objective_values(driver_scaling=False).values()))
-            progress(count, float(objective[0]), self.violation())
+            self.progress(count, float(objective[0]), self.violation())
 
     def violation(self) -> float:
         """Return the largest scaled violation of a constraint in the current state of the model.

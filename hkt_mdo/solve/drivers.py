@@ -72,22 +72,20 @@ def make_driver(
         If optimizer or package is unknown or not installed.
     """
     carrier = _carrier(package, optimizer)
-    if carrier == "scipy":
-        driver = _ScipyDriver(progress=progress, optimizer=optimizer, disp=False)
-        driver.options["tol"] = driver.tolerance = tolerance
-        driver.options["maxiter"] = max_iterations
-        return driver
     settings = _settings(optimizer, float(tolerance), max_iterations)
     if optimizer == "IPOPT":
         settings |= ipopt or {}
-    if carrier == "casadi":
-        driver = CasadiIpoptDriver(progress=progress)
+    driver: ReportingDriver
+    if carrier == "scipy":
+        options = {"tol": tolerance, "maxiter": max_iterations, "disp": False}
+        driver = _ScipyDriver(optimizer=optimizer, **options)
+    elif carrier == "casadi":
+        driver = CasadiIpoptDriver()
         driver.opt_settings = settings
-        return driver
-    driver = _PyOptSparseDriver(progress=progress, optimizer=optimizer, print_results=False)
-    driver.options["output_dir"] = "."  # unused, but the default would create a directory
-    driver.opt_settings = _FirstWins(settings)
-    driver.tolerance = tolerance
+    else:  # the directory is unused, but the default would create one
+        driver = _PyOptSparseDriver(optimizer=optimizer, print_results=False, output_dir=".")
+        driver.opt_settings = _FirstWins(settings)
+    driver.optimizer, driver.tolerance, driver.progress = optimizer, tolerance, progress
     return driver
 
 
@@ -179,8 +177,6 @@ class _FirstWins(dict):
 class _ReportEachEvaluation(ReportingDriver):
     """Additions to OpenMDAO's own drivers: progress by model runs, and a check of their success."""
 
-    tolerance = 1e-7
-
     def _run_solve_nonlinear(self) -> None:
         super()._run_solve_nonlinear()
         self._report(self.result.model_evals)
@@ -236,7 +232,7 @@ class _PyOptSparseDriver(_ReportEachEvaluation, om.pyOptSparseDriver):
         self.iterations = self.result.deriv_evals
         # OpenMDAO counts IPOPT's 'acceptable' and more of SLSQP's codes as success.
         inform = self.pyopt_solution.optInform
-        converged = 1 if self.options["optimizer"] == "SNOPT" else 0
+        converged = 1 if self.optimizer == "SNOPT" else 0
         return self._fails(inform["value"] == converged, inform["text"])
 
     def _objfunc(self, design: dict) -> tuple[dict, int]:

@@ -17,7 +17,7 @@ from hkt_mdo.start.build import build_problem
 
 DRIVER = (
     "_autoscaler _check_for_invalid_desvar_values _check_for_missing_objective _coloring_info "
-    "_compute_totals _cons _declare_options _designvars _get_name _get_ordered_nl_responses _objs "
+    "_compute_totals _cons _designvars _get_name _get_ordered_nl_responses _objs "
     "_problem _responses _run_solve_nonlinear _set_design_vars _setup_driver _total_jac "
     "_set_design_var _total_jac_linear _vectors"
 )
