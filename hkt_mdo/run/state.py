@@ -103,7 +103,7 @@ class RunState:
             if len(self.history) % EVALUATIONS_BETWEEN_POINTS == 0 and infeasibility <= FEASIBLE:
                 self.keep(self.point(), objective)
             if time.monotonic() - self._saved >= SECONDS_BETWEEN_SAVES:
-                self._save(self.point())
+                self.go_on_from(self.physics, self.point(), self.start)
                 self.write_history()
         if self.progress is not None:
             self.progress(len(self.history), objective, infeasibility)
@@ -132,10 +132,7 @@ class RunState:
             The start that has led to it.
         """
         self.physics, self.start = physics, start
-        self._save(point)
-
-    def _save(self, point) -> None:
-        write_json(self.out / "iterate.json", as_data(self.physics, point, self.start))
+        write_json(self.out / "iterate.json", as_data(physics, point, start))
         self._saved = time.monotonic()
 
     def write_history(self) -> None:
