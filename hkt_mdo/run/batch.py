@@ -111,12 +111,7 @@ def finished_result(folder: Path, case: Case) -> Solution | None:
     The files that the case names and the source code must have the content that the run met.
     """
     solution = ended_result(folder, case)
-    return solution if solution and is_current(solution, case) else None
-
-
-def is_current(solution: Solution, case: Case) -> bool:
-    """Tell whether a result of a case is of the source code and the files as they are."""
-    return solution.summary.digest == digest(complete(case))
+    return solution if solution and solution.summary.digest == digest(complete(case)) else None
 
 
 def ended_result(folder: Path, case: Case) -> Solution | None:

@@ -19,7 +19,7 @@ from hkt_mdo.files.table import write_files
 from hkt_mdo.results.folder import InUseError, locked
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.sweep import ERROR, VERIFIED, Row, row_of, write_table
-from hkt_mdo.run.batch import ended_result, finished_result, improved, is_current
+from hkt_mdo.run.batch import ended_result, finished_result, improved
 from hkt_mdo.run.engine import in_processes, why_failed
 from hkt_mdo.run.run import run_case
 
@@ -105,11 +105,11 @@ class Plan:
             self.rows[name] = {"run": f"{RUNS}/{name}", "state": "", "message": "has not ended"}
             self.places[name] = np.array([*position.values()])
             folder = self.out / RUNS / name
-            if solution := ended_result(folder, case):
-                if is_current(solution, case):
-                    self.reused += 1
-                    self.done(name, _row(solution, case))
-                    continue
+            if solution := finished_result(folder, case):
+                self.reused += 1
+                self.done(name, _row(solution, case))
+                continue
+            if ended_result(folder, case):
                 self.older += 1
                 self.report(self)
             yield name, partial(run_one, case, folder, self.nearest(name), self.run)
