@@ -30,17 +30,7 @@ MAX_PASSES = 24
 """Optimizations from one start; runs that end well need at most ten."""
 SETTLED = 0.05
 """Share of the rotor's inertia by which the lower bound of a designed hub may be too high."""
-NOT_RUNNING = (
-    "no blade and gain were found on which the rotor runs unstalled throughout this flow, "
-    "from {starts}: the problem may have no solution (try a larger control.torque_limit, or "
-    "another control.law{wider})"
-)
 PARTS = "at_nodes", "between_nodes", "in_equilibrium", "bounds"  # of the checks of a limit
-NONE_FOUND = (
-    "no design that keeps the limits was found from {starts}: the smallest violation was "
-    "{share:.3g} % of {key}, {where}; this does not prove that there is none (try {law}a looser "
-    "{key}{wider})"
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -373,7 +363,11 @@ def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry])
     bounded = shape.bounds or shape.radius_bounds or physics.designs_hub or design.gain_bounds
     wider = ", or wider design bounds" if bounded else ""
     if not start.operation.running:
-        return NOT_RUNNING.format(starts=starts, wider=wider)
+        return (
+            "no blade and gain were found on which the rotor runs unstalled throughout this flow, "
+            f"from {starts}: the problem may have no solution (try a larger control.torque_limit, "
+            f"or another control.law{wider})"
+        )
     rates = {limit.name for limit in physics.all_limits if limit.is_of(RATES)}
     exceeded = excesses(physics, start)
     over = {name: share for name, (share, _) in exceeded.items()}
@@ -392,5 +386,8 @@ def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry])
     key = next(limit.key for limit in physics.all_limits if limit.name == name)
     law = "control.law: curve, which can keep more limits, or " * (len(physics.law.gain_units) == 1)
     law += "start.method: blade, with low gain, or " * (name in rates and physics.law.is_feedback)
-    fields = {"share": 100.0 * share, "key": key, "where": where, "law": law, "wider": wider}
-    return NONE_FOUND.format(starts=starts, **fields)
+    return (
+        f"no design that keeps the limits was found from {starts}: the smallest violation was "
+        f"{100.0 * share:.3g} % of {key}, {where}; this does not prove that there is none (try "
+        f"{law}a looser {key}{wider})"
+    )
