@@ -126,8 +126,10 @@ class Checked:
     @cached_property
     def quantities(self) -> dict[str, Any]:
         """The quantities of the design and of the whole result, by their names."""
+        physics, point = self.physics, self.result.point
         integrals = {x: self.total(methodcaller("objective", y)) for x, y in INTEGRALS.items()}
-        return scalars(self.physics, self.physics.rotor, self.result.point.blade) | integrals
+        design = scalars(physics, physics.rotor, point.blade) | designed(physics, point)
+        return design | integrals
 
     @cached_property
     def objective(self) -> float:
@@ -417,7 +419,7 @@ def recovery(
 def _of_design_limit(ended, limit):
     """Return how far the design, or the whole result, exceeds a limit."""
     point = ended.result.point
-    over = limit.excess(ended.quantities | designed(ended.physics, point))
+    over = limit.excess(ended.quantities)
     worst, where = int(np.argmax(over)), f"the {limit.name.replace('_', ' ')}"
     if limit.place == "span" and over.size == point.blade.r.size:
         where = f"r = {point.blade.r[worst]:.3f} m"
@@ -442,11 +444,8 @@ def _of_limit(limit, verification, suffix):
 
 
 def designed(physics: Physics, point: StartingPoint) -> dict[str, np.ndarray]:
-    """Return the quantities of `DesignBounds`: shape, set angle, radius, hub and gains, SI."""
+    """Return the quantities of `DesignBounds` besides the shape: set angle, radius, hub, gains."""
     return {
-        "chord": point.blade.chord,
-        "twist": point.blade.twist,
-        "thickness": physics.rotor.thickness_of(point.blade),
         "set_angle": physics.shape.control(point.blade).get("twist", np.empty(0)),
         "radius": np.array([point.blade.rotor_radius]),
         "hub_inertia": np.array([point.blade.hub_inertia]),
