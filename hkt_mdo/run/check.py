@@ -20,7 +20,7 @@ from hkt_mdo.results.summary import Achieved, bending, bends_far, in_operation, 
 from hkt_mdo.results.words import Row, amounts, joined, measured, number, per_cent, powers
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.run import loads
-from hkt_mdo.run.checks import designed, entry, explain, in_case, of_flow, of_table
+from hkt_mdo.run.checks import design_bounds, designed, entry, explain, of_flow, of_table
 from hkt_mdo.run.findings import Findings, Flow, evaluated_problem
 from hkt_mdo.run.verification import start_against_friction
 
@@ -403,17 +403,14 @@ def _bounds(findings: Findings) -> Rows:
     """Yield the bounds of the design; warn of those that the start breaks."""
     point = findings.start
     values = designed(findings.physics, point) | findings.physics.shape.control(point.blade)
-    units = in_case(point.blade)
-    for limit in findings.physics.design_limits:
-        if isinstance(limit, DesignBounds):
-            unit, scale = units[limit.name]
-            low, high = (number(scale * end) for end in (limit.lower, limit.upper))
-            value = measured(scale * limit.value_of(values), unit, 4)
-            words = f"at least {low} and at most {high} {unit}".rstrip()
-            yield Row(limit.key, words, "", f"{value} with the starting blade")
-            if np.max(limit.excess(values)) > KEPT:
-                text = f"broken at the start, {words}; {value} with the starting blade"
-                yield _warning(limit.key, f"{text}: the run looks for a blade within them")
+    for limit, unit, scale in design_bounds(findings.physics):
+        low, high = (number(scale * end) for end in (limit.lower, limit.upper))
+        value = measured(scale * limit.value_of(values), unit, 4)
+        words = f"at least {low} and at most {high} {unit}".rstrip()
+        yield Row(limit.key, words, "", f"{value} with the starting blade")
+        if np.max(limit.excess(values)) > KEPT:
+            text = f"broken at the start, {words}; {value} with the starting blade"
+            yield _warning(limit.key, f"{text}: the run looks for a blade within them")
 
 
 def _limits(findings: Findings) -> Rows:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hkt_mdo.dynamics.generator import BEYOND, Generator
-from hkt_mdo.dynamics.limits import BETWEEN, SLOWED
+from hkt_mdo.dynamics.limits import BETWEEN, SLOWED, DesignBounds
 from hkt_mdo.dynamics.objectives import INTEGRALS, CapturedEnergy
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.files.shipped import REMEDIES
@@ -26,7 +26,6 @@ from hkt_mdo.quantities import LOADS, names
 from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.results.words import joined, measured
 from hkt_mdo.rotor.band import FACTORS
-from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.shape import POINTS
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
@@ -453,12 +452,15 @@ def designed(physics: Physics, point: StartingPoint) -> dict[str, np.ndarray]:
     }
 
 
-def in_case(blade: Blade) -> dict[str, tuple[str, float]]:
-    """Return the unit in which a case gives a bounded quantity, and its factor from SI."""
+def design_bounds(physics: Physics) -> Iterator[tuple[DesignBounds, str, float]]:
+    """Yield each bounds of the design, the unit in which a case gives them, its factor from SI."""
     metres, degrees, plain = ("m", 1.0), ("deg", np.rad2deg(1.0)), ("", 1.0)
-    radius = "m", 1.0 / np.cos(blade.cone)  # that of the tip, in place of the disc's
+    radius = "m", 1.0 / np.cos(physics.blade.cone)  # that of the tip, in place of the disc's
     units = {"chord": metres, "twist": degrees, "set_angle": degrees, "radius": radius}
-    return units | {"hub_inertia": ("kg*m**2", 1.0), "thickness": plain, "gain": plain}
+    units |= {"hub_inertia": ("kg*m**2", 1.0), "thickness": plain, "gain": plain}
+    for limit in physics.design_limits:
+        if isinstance(limit, DesignBounds):
+            yield limit, *units[limit.name]
 
 
 def energy_bound(physics: Physics, optimum: SteadyOptimum) -> float:

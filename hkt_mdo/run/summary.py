@@ -22,7 +22,7 @@ from hkt_mdo.results.summary import VERSION, Summary
 from hkt_mdo.rotor.strength import place_weights
 from hkt_mdo.run import loads, verification
 from hkt_mdo.run import year as a_year
-from hkt_mdo.run.checks import RESOLVED, Checked, energy_bound, in_case
+from hkt_mdo.run.checks import RESOLVED, Checked, design_bounds, energy_bound
 from hkt_mdo.run.findings import Stations
 from hkt_mdo.run.memory import stability, stability_of
 from hkt_mdo.run.shadow_prices import shadow_prices
@@ -173,11 +173,8 @@ def _design(finished):
 def _at_bounds(finished):
     """Yield design variables that end at a bound of the case, and where along the blade."""
     blade = finished.result.point.blade
-    units = in_case(blade)
-    for limit in finished.physics.design_limits:
-        if not isinstance(limit, DesignBounds):
-            continue
-        value, (unit, scale) = limit.value_of(finished.quantities), units[limit.name]
+    for limit, unit, scale in design_bounds(finished.physics):
+        value = limit.value_of(finished.quantities)
         for end in ("lower", "upper"):
             bound, size = getattr(limit, end), np.max(np.abs(value))
             at = np.isclose(value, bound, loads.BINDING, 0.1 * loads.BINDING * size)
