@@ -127,13 +127,6 @@ class _Recorder(om.SqliteRecorder):
     def record_metadata_system(self, system, run_number=None):
         """Record nothing."""
 
-    @property
-    def connection(self):
-        """The connection to the database."""
-        return self._connection
-
-    @connection.setter
-    def connection(self, connection):
-        self._connection = connection
-        if connection is not None:
-            connection.execute("PRAGMA synchronous=OFF")  # before OpenMDAO writes its tables
+    def _initialize_database(self, comm):
+        super()._initialize_database(comm)
+        self.connection.execute("PRAGMA synchronous=OFF")
