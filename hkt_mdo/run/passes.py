@@ -62,21 +62,19 @@ class Task:
     coarser: tuple[float, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
-class Pass:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Pass(Task):
     """One optimization of a run: its task and its end.
 
     Attributes
     ----------
     state : RunState
-    task : Task
     result : Optimized
     rough : tuple of Verification
         Its integrations by a spline of the torque; the others begin from them, by direct BEM.
     """
 
     state: RunState
-    task: Task
     result: Optimized
     rough: tuple[Verification, ...] = ()
 
@@ -93,11 +91,6 @@ class Pass:
     def exactly(self) -> "Pass":
         """The same pass with integrations by direct BEM."""
         return replace(self, rough=self.verifications) if self.approximate else self
-
-    @property
-    def physics(self) -> Physics:
-        """The physics on the mesh of this optimization."""
-        return self.task.physics
 
     @property
     def converged(self) -> bool:
@@ -122,18 +115,17 @@ class Pass:
     @cached_property
     def division(self) -> Division:
         """Error of the mesh, and the segments to divide."""
-        return division(self.result, self.verifications, self.task.coarser)
+        return division(self.result, self.verifications, self.coarser)
 
     def next(self, why: str, *, physics: Physics | None = None, **changes) -> Task:
         """Return the next optimization, with changes of the setup, or on another mesh."""
-        task, setup = self.task, replace(self.task.setup, **changes)
-        coarser = task.coarser
+        setup, passes, coarser = replace(self.setup, **changes), self.passes + 1, self.coarser
         if physics is not None:
             meshes = [each.scenarios[0].mesh for each in (self.physics, physics)]
             # objectives of polynomials of different orders are no series
             coarser = (*coarser, self.result.objective) if meshes[0] == meshes[1] else ()
-        physics, passes = physics or self.physics, task.passes + 1
-        return replace(task, physics=physics, setup=setup, why=why, passes=passes, coarser=coarser)
+        task = Task(self.start, physics or self.physics, setup)
+        return replace(task, why=why, passes=passes, coarser=coarser)
 
     def entry(self, seconds: float, following: Task | None) -> PassEntry:
         """Return the report of this optimization, which took some seconds, and of what follows."""
@@ -151,7 +143,7 @@ class Pass:
     def end(self) -> Checked:
         """The result of the run if nothing follows, with its checks, by exact integrations."""
         error = self.division.error if self.converged else 0.0
-        start, result = self.task.start, replace(self.result, mesh_error=error)
+        start, result = self.start, replace(self.result, mesh_error=error)
         if result.objective < (1.0 - BELOW_START) * start.reference:
             moving = _moving_reference(self.state.first, start, result)
             start = replace(start, reference=min(start.reference, moving))
@@ -165,7 +157,7 @@ def heavier_hub(pass_: Pass) -> Task | None:
     that is too high is lowered again. No mesh helps, and the integration runs away: nothing else
     follows an instability.
     """
-    point, bound = pass_.result.point, pass_.task.setup.least_hub
+    point, bound = pass_.result.point, pass_.setup.least_hub
     hub = stable_hub(pass_.physics, point.blade, pass_.memory)
     if hub is None or not (pass_.runs_away or hub < bound - SETTLED * pass_.result.inertia):
         return None
@@ -183,7 +175,7 @@ def refine(pass_: Pass) -> Task | None:
     """
     if not pass_.converged or pass_.runs_away:
         return None
-    physics, setup, finer, reasons = pass_.physics, pass_.task.setup, None, []
+    physics, setup, finer, reasons = pass_.physics, pass_.setup, None, []
     most, nodes = physics.case.hydrodynamics.tolerance, setup.nodes
     error = float(np.max(curve_errors(pass_.result)[1], initial=0.0))  # 0 without a curve
     if error > most and (finest := _finer_curve(pass_.result, error)) is not None:
@@ -258,7 +250,8 @@ def optimize(state: RunState, start: StartingPoint) -> Checked:
         state.go_on_from(task.physics, task.setup.start, start)
         began = time.perf_counter()
         driver = make_driver(task.physics, state, refined=task.name == "refine")
-        pass_ = Pass(state, task, solve(state, task.physics, task.setup, driver))
+        result = solve(state, task.physics, task.setup, driver)
+        pass_ = Pass(**vars(task), state=state, result=result)
         following = next_task(pass_)
         if following is None and pass_.approximate:
             pass_ = pass_.exactly
@@ -346,7 +339,7 @@ def best_of(state: RunState, end: Checked) -> tuple[Checked, str]:
         others.append((state.first, end.start, "the start"))
     for physics, point, words in others:
         stands = as_it_stands(physics, point, end.result)
-        checked = Pass(state, Task(end.start, physics, stands.setup), stands).exactly.end
+        checked = Pass(end.start, physics, stands.setup, state=state, result=stands).exactly.end
         if checked.rank > best.rank:
             best, held = checked, words
     return best, held

@@ -21,7 +21,7 @@ from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.results.words import Row
 from hkt_mdo.run.checks import _behind_open_loop, explain, explain_all
 from hkt_mdo.run.findings import Stations
-from hkt_mdo.run.passes import Pass, Task, _finer_curve, none_found
+from hkt_mdo.run.passes import Pass, _finer_curve, none_found
 from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.run.verification import SAMPLES, verify
 from hkt_mdo.sections import Quantity
@@ -295,8 +295,8 @@ def test_one_check_refuses(request, name, whose, doctor, value, words):
 def test_a_start_too_near_stall_is_no_measure(feedback, monkeypatch, short):
     monkeypatch.setattr("hkt_mdo.run.passes.recovery", lambda *_: [("", short, 0.2, "")])
     first, start = feedback.on_first_mesh, replace(feedback.start, reference=1e9)
-    task = Task(start, feedback.physics, feedback.result.setup)
-    found = Pass(SimpleNamespace(first=first), task, feedback.result).end.start.reference
+    about = {"state": SimpleNamespace(first=first), "result": feedback.result}
+    found = Pass(start, feedback.physics, feedback.result.setup, **about).end.start.reference
     assert found == pytest.approx(0.0 if short else feedback.start.reference, rel=2e-3)
 
 
