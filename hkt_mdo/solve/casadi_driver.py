@@ -27,11 +27,10 @@ _FEATURES = (
     *("optimization", "gradients", "simultaneous_derivatives"),
     *("inequality_constraints", "equality_constraints", "two_sided_constraints"),
 )
+"""What the driver supports, in OpenMDAO's names."""
 STUCK = "Error_In_Step_Computation", "Restoration_Failed", "Search_Direction_Becomes_Too_Small"
 """Ends of IPOPT where it finds no step: after an optimum as of `Stationary`, which then is the end,
 as of `sine_oloc` with the kernels of Sandybridge."""
-_LACKS = "integer_design_vars", "distributed_design_vars"
-"""What the driver supports and what not, in OpenMDAO's names."""
 
 
 class CasadiIpoptDriver(ReportingDriver):
@@ -52,8 +51,7 @@ class CasadiIpoptDriver(ReportingDriver):
 
     def __init__(self, **kwargs: object) -> None:
         super().__init__(**kwargs)
-        self.supports.update(dict.fromkeys(_FEATURES, True))
-        self.supports.update(dict.fromkeys(_LACKS, False))
+        self.supports.update({name: name in _FEATURES for name in self.supports})
         self.opt_settings: Settings = {}
         self._error: BaseException | None = None
         self._gradients: tuple[np.ndarray, np.ndarray] | None = None
@@ -83,7 +81,6 @@ class CasadiIpoptDriver(ReportingDriver):
         self._problem().get_total_coloring(self._coloring_info, run_model=False)
         with self._interrupts_stored():
             design, status = self._solve(design)
-        self._raise_stored()
         # IPOPT's solution need not be the last design evaluated; the last case is the optimum.
         self._evaluate_anew(design)
         self._message, self.iterations = status["return_status"], status["iter_count"]
@@ -153,10 +150,12 @@ class CasadiIpoptDriver(ReportingDriver):
         return csc_matrix(np.ones(shape) if coloring is None else coloring.get_dense_sparsity()[1:])
 
     def _evaluate_anew(self, point: np.ndarray) -> None:
-        """Run the model at a scaled design outside CasADi."""
+        """Run the model at a scaled design outside CasADi, or raise the error that is stored."""
         self._design = np.zeros(0)
         self._evaluate(point)
-        self._raise_stored()
+        if self._error is not None:
+            error, self._error = self._error, None
+            raise error
 
     def _evaluate(self, point: np.ndarray) -> tuple[float, np.ndarray]:
         """Return objective and constraints at a scaled design, running the model if it is new."""
@@ -241,12 +240,6 @@ class CasadiIpoptDriver(ReportingDriver):
                 if callable(handler := signal.getsignal(number)):
                     handlers.enter_context(handling(number, partial(self._guarded, handler, None)))
             yield
-
-    def _raise_stored(self) -> None:
-        """Raise the error that was stored while CasADi ran, if any."""
-        if self._error is not None:
-            error, self._error = self._error, None
-            raise error
 
 
 def _callback(name: str, function: Callable, inputs: list, outputs: list) -> "casadi.Function":
