@@ -2,10 +2,10 @@
 
 import os
 import signal
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from unittest.mock import patch
 
 import numpy as np
@@ -16,9 +16,6 @@ from scipy.sparse import csc_matrix
 from hkt_mdo.errors import handling
 from hkt_mdo.solve.driver_base import ReportingDriver
 from hkt_mdo.solve.stationary import Stationary
-
-if TYPE_CHECKING:
-    import casadi
 
 Settings = dict[str, str | int | float]
 """An optimizer's options by its own names."""
@@ -79,7 +76,11 @@ class CasadiIpoptDriver(ReportingDriver):
         # Coloring needs a model that has run.
         self._evaluate_anew(design)
         self._problem().get_total_coloring(self._coloring_info, run_model=False)
-        with self._interrupts_stored():
+        with ExitStack() as interrupts:  # what their handlers raise, CasADi would swallow
+            for number in (signal.SIGINT, signal.SIGTERM):
+                if callable(handler := signal.getsignal(number)):
+                    stored = partial(self._guarded, handler, None)
+                    interrupts.enter_context(handling(number, stored))
             design, status = self._solve(design)
         # IPOPT's solution need not be the last design evaluated; the last case is the optimum.
         self._evaluate_anew(design)
@@ -232,17 +233,8 @@ class CasadiIpoptDriver(ReportingDriver):
                 self._error = error
         return otherwise
 
-    @contextmanager
-    def _interrupts_stored(self) -> Iterator[None]:
-        """Store what the handlers of Ctrl-C and SIGTERM raise: CasADi would swallow it."""
-        with ExitStack() as handlers:
-            for number in (signal.SIGINT, signal.SIGTERM):
-                if callable(handler := signal.getsignal(number)):
-                    handlers.enter_context(handling(number, partial(self._guarded, handler, None)))
-            yield
 
-
-def _callback(name: str, function: Callable, inputs: list, outputs: list) -> "casadi.Function":
+def _callback(name: str, function: Callable, inputs: list, outputs: list) -> Any:
     """Return `function` of flat arrays as a CasADi function of inputs and outputs, by sparsity."""
     import casadi
 
@@ -257,13 +249,13 @@ def _callback(name: str, function: Callable, inputs: list, outputs: list) -> "ca
         def get_n_out(self) -> int:
             return len(outputs)
 
-        def get_sparsity_in(self, i: int) -> "casadi.Sparsity":
+        def get_sparsity_in(self, i: int) -> Any:
             return inputs[i]
 
-        def get_sparsity_out(self, i: int) -> "casadi.Sparsity":
+        def get_sparsity_out(self, i: int) -> Any:
             return outputs[i]
 
-        def eval(self, arguments: Sequence["casadi.DM"]) -> list:
+        def eval(self, arguments: Sequence) -> list:
             return list(function(*(np.array(argument).ravel() for argument in arguments)))
 
     return Callback()

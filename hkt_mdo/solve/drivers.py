@@ -7,7 +7,6 @@ through the driver's `outcome`.
 import importlib
 import signal
 from importlib.util import find_spec
-from types import FrameType
 
 import openmdao.api as om
 
@@ -255,5 +254,5 @@ class _PyOptSparseDriver(_ReportEachEvaluation, om.pyOptSparseDriver):
             raise KeyboardInterrupt
         return answer
 
-    def _signal_handler(self, signum: int, frame: FrameType | None) -> None:
+    def _signal_handler(self, signum: int, frame: object) -> None:
         raise KeyboardInterrupt
