@@ -1,6 +1,6 @@
 """The findings of a check, without an optimizer: starting blade, flows, size of the problem."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 import openmdao.api as om
@@ -11,7 +11,6 @@ from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.evaluation import loads_along, on_start, steady_plant
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import OVER_TIME
 from hkt_mdo.results.words import Row, measured, number, powers
@@ -137,9 +136,10 @@ class Flow:
         Highest frequency, Hz; 0 for a steady flow.
     """
 
-    def __init__(self, name: str, scenarios: Sequence[Scenario], share: float):
+    def __init__(self, physics: Physics, name: str):
+        self.name, self.share = name, physics.shares[name]
+        self.scenarios = scenarios = [physics.scenarios[i] for i in physics.groups[name]]
         first = scenarios[0]
-        self.name, self.scenarios, self.share = name, scenarios, share
         self.inflow, self.steady = first.inflow, first.steady
         self.kind = getattr(first, "resource", first.inflow)
         self.duration = first.mesh.duration
@@ -185,10 +185,7 @@ class Findings:
     def __init__(self, physics: Physics):
         self.physics, self.case = physics, physics.case
         self.begins = given_designs(physics)[0][0]
-        self.flows = [
-            Flow(name, [physics.scenarios[i] for i in places], physics.shares[name])
-            for name, places in physics.groups.items()
-        ]
+        self.flows = [Flow(physics, name) for name in physics.groups]
         shares = [flow.share for flow in self.flows]
         self.mean = float(np.average([flow.mean for flow in self.flows], weights=shares))
         self.cutoff = max(flow.cutoff for flow in self.flows)
