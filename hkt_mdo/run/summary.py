@@ -72,13 +72,11 @@ def summarize(finished: Checked, message: str = "", start_breaks: Sequence[str] 
     packages = {name: [*metadata.distributions(name=name)] for name in PACKAGES}
     memory = stability_of(result) if physics.remembers else stability(finished.verifications)
     values = {
+        **vars(outcome),
         "version": VERSION,
         "case": physics.case.name,
         "success": finished.passed,
         "message": message or "converged and verified",
-        "package": outcome.package,
-        "optimizer": outcome.optimizer,
-        "iterations": outcome.iterations,
         **_energies(finished),
         **design,
         **_extremes(finished, scenarios),
@@ -225,16 +223,13 @@ def _scenario(finished, verifications):
     limits = _over_time(verifications)
     pairs = [(run.rotor, run.simulated) for run in verifications]
     largest = loads.placed(finished.result.point.blade, pairs)
-    year = None
-    if isinstance(getattr(scenario, "resource", None), Resource):
-        year = a_year.entry(verifications, limits).model_dump()
+    nodes = [(run.scenario.node_weights, run.trajectory) for run in verifications]
+    has_year = isinstance(getattr(scenario, "resource", None), Resource)
     return {
         "share": finished.physics.shares[scenario.group],
         "weight": scenario.weight,
         "duration_s": duration,
-        "energy_J": sum(
-            x.scenario.node_weights @ x.trajectory["hydrodynamic_power"] for x in verifications
-        ),
+        "energy_J": sum(weights @ x["hydrodynamic_power"] for weights, x in nodes),
         **sums,
         "mean_power_W": power,
         "ceiling_W": finished.physics.ceilings.get(scenario.group),
@@ -244,7 +239,7 @@ def _scenario(finished, verifications):
         "limits": limits,
         "loads": {name: x.model_dump(exclude_unset=True) for name, x in largest.items()},
         "steady": scenario.steady,
-        "year": year,
+        "year": a_year.entry(verifications, limits).model_dump() if has_year else None,
     }
 
 
