@@ -16,7 +16,7 @@ from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.results.nesting import dominated
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.batch import improved, run_batch
-from hkt_mdo.run.engine import in_processes, why_failed
+from hkt_mdo.run.engine import in_processes, outcome
 from hkt_mdo.run.run import run_case
 
 LAWS = ("oloc", "linear", "quadratic")
@@ -133,13 +133,9 @@ def run_nested(
         tried |= {*pairs.items()}
 
         def ended(folder, future):
-            try:
-                better = future.result()
-            except Exception as error:  # the result that there was stays
-                done(folder, why_failed(error))
-                return
+            better, why = outcome(future)  # where it failed, the result that there was stays
             found[folder] = better or found[folder]
-            done(folder, "better from another's design" if better else "not better")
+            done(folder, why or ("better from another's design" if better else "not better"))
 
         again = {x: partial(improved, found[x], cases[x], pairs[x], run) for x in pairs}
         in_processes(again.items(), jobs, ended)

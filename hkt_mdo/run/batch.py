@@ -11,7 +11,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import complete
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.digest import digest
-from hkt_mdo.run.engine import in_processes, why_failed
+from hkt_mdo.run.engine import in_processes, outcome
 from hkt_mdo.run.run import run_case
 
 
@@ -42,12 +42,8 @@ def run_batch(
             waiting[folder] = partial(run, case, folder)
 
     def ended(folder, future):
-        try:
-            solutions[folder] = future.result()
-            word = "ok" if solutions[folder].success else "failed"
-        except Exception as error:  # one failing run must not end the others
-            word = why_failed(error)
-        done(folder, word)
+        solutions[folder], why = outcome(future)
+        done(folder, why or ("ok" if solutions[folder].success else "failed"))
 
     in_processes(waiting.items(), jobs, ended)
     return solutions

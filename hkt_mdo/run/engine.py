@@ -91,6 +91,14 @@ def _while_it_is_there(scheduler: str | None) -> Iterator[None]:
         raise InputError("the scheduler went away", remedy, **where) from error
 
 
+def outcome(future: Any) -> tuple[Any, str]:
+    """Return what a task that has ended returned and no text, or None and why it failed."""
+    try:
+        return future.result(), ""
+    except Exception as error:  # one that fails must not end the others
+        return None, why_failed(error)
+
+
 def why_failed(error: BaseException) -> str:
     """Return why a task failed, on one line: its error, or that its workers died."""
     if isinstance(error, InputError):

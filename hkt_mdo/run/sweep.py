@@ -20,7 +20,7 @@ from hkt_mdo.results.folder import InUseError, locked
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.sweep import ERROR, VERIFIED, Row, row_of, write_table
 from hkt_mdo.run.batch import ended_result, finished_result, improved
-from hkt_mdo.run.engine import in_processes, why_failed
+from hkt_mdo.run.engine import in_processes, outcome
 from hkt_mdo.run.run import run_case
 
 BETTER = 1e-6
@@ -117,11 +117,8 @@ class Plan:
     def ended(self, name: str, future: Any) -> None:
         """Take a run's row."""
         self.computed += 1
-        try:
-            row = future.result()
-        except Exception as error:  # one bad case is a failed row
-            row = {"state": ERROR, "message": why_failed(error)}
-        self.done(name, row)
+        row, why = outcome(future)
+        self.done(name, row or {"state": ERROR, "message": why})
         if time.monotonic() - self.written > SECONDS_BETWEEN_TABLES:
             self.write()
 
