@@ -73,10 +73,8 @@ def complete(case: Case) -> Case:
 
 def _span(case: Case) -> tuple[float, int]:
     """Return the duration of a case's flow, s, and the number of segments, given or not."""
-    inflow, duration, segments = case.inflow, case.phase.duration, case.phase.segments
-    if inflow.length is not None:
-        inflow.check(inflow.length)
-    duration = duration or inflow.length or DURATION
+    inflow, segments = case.inflow, case.phase.segments
+    duration = case.phase.duration or inflow.length or DURATION
     if segments is None:
         lasting = (span[2] for span in inflow.features if span[0] <= 0.0 and span[1] == np.inf)
         wanted = np.ceil(SEGMENTS_PER_PERIOD * duration / min(lasting, default=np.inf) - 1e-9)
