@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, Strict, ValidationInfo, model_validator
 
 from hkt_mdo.errors import InputError, did_you_mean
-from hkt_mdo.files.aerodyn import coordinates_of
+from hkt_mdo.files.outline import coordinates_of
 from hkt_mdo.files.shipped import MATERIALS, known_names, nearest_names, shipped_rotor
 from hkt_mdo.sections import Flaws, Quantity, Section, find_file, refusal
 

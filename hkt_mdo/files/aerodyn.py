@@ -10,17 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from hkt_mdo.files.blade_table import FEWEST_ROWS, MOST_ROWS, BladeTable, check_rows
+from hkt_mdo.files.blade_table import BladeTable, check_rows
 from hkt_mdo.files.polar_table import PolarTable, polar_of_rows, read_reynolds
-from hkt_mdo.files.table import (
-    Column,
-    Row,
-    line_error,
-    number_columns,
-    numbered_lines,
-    parse_number,
-    read_text,
-)
+from hkt_mdo.files.table import Column, line_error, number_columns, numbered_lines, parse_number
 
 # Airfoil tables -----------------------------------------------------------------------------------
 
@@ -74,13 +66,13 @@ def read_airfoil(text: str, path: Path) -> list[PolarTable]:
         value, name = match[1], match[2].lower()
         settings[name] = line, value
         if name == "numcoords" and not value.startswith("@"):
-            list(islice(lines, _count(settings, "NumCoords", path, 0)))  # passed over
+            list(islice(lines, _count((line, value), "NumCoords", path, 0)))  # passed over
         elif name == "numalf":
-            rows = list(islice(lines, _count(settings, "NumAlf", path)))
+            rows = list(islice(lines, _count((line, value), "NumAlf", path)))
             tables.append((rows, settings.copy()))
             settings.pop("re", None)
     polars = [_read_table(*table, path, f"table {i}") for i, table in enumerate(tables, start=1)]
-    count = _count(settings, "NumTabs", path)
+    count = _count(settings.get("numtabs", (1, "")), "NumTabs", path)
     if count != len(tables):
         line, problem = settings["numtabs"][0], f"is not the number of tables, {len(tables)}"
         raise line_error(path, line, problem, _REMEDY, "NumTabs", value=count)
@@ -101,12 +93,13 @@ def _lines_without_remarks(text: str) -> list[_Line]:
     return lines
 
 
-def _count(settings: dict[str, tuple[int, str]], name: str, path: Path, fewest: int = 1) -> int:
-    """Return the number of rows or tables that a setting states."""
-    line, value = settings.get(name.lower(), (1, ""))
+def _count(stated: tuple[int, str], name: str, path: Path, fewest: int = 1) -> int:
+    """Return the number of rows or tables that a setting states, of its line and its value."""
+    line, value = stated
     if not re.fullmatch(r"\d{1,6}", value, re.ASCII) or int(value) < fewest:
         problem = f"must be a whole number of at least {fewest}" if value else "is missing"
-        raise line_error(path, line, problem, _REMEDY, name, value=value)
+        remedy = "write how many rows or tables follow"
+        raise line_error(path, line, problem, remedy, name, value=value)
     return int(value)
 
 
@@ -135,9 +128,6 @@ def _read_table(
     names = ["alpha", *(names or _COLUMNS)[1:], *[""] * width][:width]
     return polar_of_rows(rows, names, reynolds, path, where)
 
-
-FEWEST_POINTS = 10
-"""Fewer points show no section."""
 
 _OLD_REMEDY = "see the airfoil files of AeroDyn 13, or copy the rows into a CSV file"
 
@@ -188,44 +178,6 @@ def read_old_airfoil(text: str, path: Path) -> list[PolarTable]:
         problem = f"is not the number of tables that end with EOT, {len(tables)}"
         raise line_error(path, number, problem, _OLD_REMEDY, value=counted.strip())
     return tables
-
-
-_COORDINATES = re.compile(
-    r"""^[ \t]*(@?"[^"\n]*"|@?'[^'\n]*'|\S+)[ \t]+NumCoords\b""", re.MULTILINE | re.IGNORECASE
-)
-
-
-def coordinates_of(airfoil: Path) -> Path | None:
-    """Return the file that holds the coordinates of a section, as an airfoil file says.
-
-    Parameters
-    ----------
-    airfoil : pathlib.Path
-        An airfoil file of AeroDyn, or any other file.
-
-    Returns
-    -------
-    pathlib.Path or None
-        The file that the airfoil file names at ``NumCoords``, from its own folder; itself if it
-        holds them; None if it has neither.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or the one that it names does not exist.
-    """  # noqa: DOC501 - `line_error` returns an InputError
-    text = read_text(airfoil, "file with an outline")
-    match = _COORDINATES.search(text)
-    if not match:
-        return None
-    if not match[1].startswith("@"):
-        return airfoil if (parse_number(match[1]) or 0.0) >= FEWEST_POINTS else None
-    named = airfoil.parent / match[1].removeprefix("@").strip("\"'").replace("\\", "/")
-    if not named.is_file():
-        line = len(numbered_lines(text[: match.end()]))
-        remedy = "put the file there, or give another outline"
-        raise line_error(airfoil, line, "does not exist", remedy, "NumCoords", value=str(named))
-    return named
 
 
 # Blade definition ---------------------------------------------------------------------------------
@@ -295,7 +247,10 @@ def read_blade_definition(text: str, file: Path) -> BladeTable:
 
 
 def _blade_columns(text: str, file: Path) -> tuple[dict[str, Column], list[str]]:
-    """Return the columns in the file's units, and messages about rows that are ignored."""
+    """Return the columns in the file's units, and messages about rows that are ignored.
+
+    Missing or repeated columns and other units than AeroDyn's are refused.
+    """  # noqa: DOC501 - `line_error` returns an InputError
     lines = numbered_lines(text.rstrip())
     begin = next((at for at, (_, line) in enumerate(lines) if _ROW_COUNT.match(line)), None)
     if begin is None:
@@ -304,28 +259,11 @@ def _blade_columns(text: str, file: Path) -> tuple[dict[str, Column], list[str]]
         raise line_error(file, 1, problem, remedy, value=lines[0][1])
     rows = [(number, re.split(r"[!#]", line)[0].split()) for number, line in lines[begin:]]
     (count_line, (cell, *_)), *rows = rows
-    number = parse_number(cell) or 0.0
-    count = int(number)
-    if count != number or not FEWEST_ROWS <= count <= MOST_ROWS:
-        problem = f"is no number of rows from {FEWEST_ROWS} to {MOST_ROWS}"
-        remedy = "write how many rows the blade has"
-        raise line_error(file, count_line, problem, remedy, "NumBlNds", value=cell)
+    count = _count((count_line, cell), "NumBlNds", file)
     rows = [*dropwhile(lambda row: not row[1], rows)]
     end = lines[-1][0] + 1, []
-    names = _checked_names(*[*rows, end, end][:2], file)
+    (line, cells), (units_line, units) = [*rows, end, end][:2]
     rows = rows[2:]
-    if len(rows) < count:
-        problem = f"announces {count} rows, but the file ends after {len(rows)}"
-        remedy = "complete the rows or correct NumBlNds"
-        raise line_error(file, count_line, problem, remedy, "NumBlNds", value=count)
-    ignored = sum(parse_number(cells[0]) is not None for _, cells in rows[count:] if cells)
-    message = f"NumBlNds = {count}: {ignored} rows after these are ignored, as OpenFAST does"
-    return number_columns(rows[:count], names, file, _UNITS), [message] if ignored else []
-
-
-def _checked_names(head: Row, below: Row, file: Path) -> list[str]:
-    """Return the columns' names as in `_UNITS`; refuse missing or repeated ones and other units."""
-    (line, cells), (units_line, units) = head, below
     spellings = {name.lower(): name for name in _UNITS}
     names = [spellings.get(name.lower(), name) for name in cells]
     missing = [f"lacks the column {name}" for name in _NEEDED if name not in names]
@@ -341,4 +279,10 @@ def _checked_names(head: Row, below: Row, file: Path) -> list[str]:
         if name in _UNITS and unit.strip("()").lower() != _UNITS[name]:
             problem, remedy = f"is not AeroDyn's unit ({_UNITS[name]})", "convert the column to it"
             raise line_error(file, units_line, problem, remedy, f"column {name}", value=unit)
-    return names
+    if len(rows) < count:
+        problem = f"announces {count} rows, but the file ends after {len(rows)}"
+        remedy = "complete the rows or correct NumBlNds"
+        raise line_error(file, count_line, problem, remedy, "NumBlNds", value=count)
+    ignored = sum(parse_number(cells[0]) is not None for _, cells in rows[count:] if cells)
+    message = f"NumBlNds = {count}: {ignored} rows after these are ignored, as OpenFAST does"
+    return number_columns(rows[:count], names, file, _UNITS), [message] if ignored else []

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.aerodyn import FEWEST_POINTS, coordinates_of
 from hkt_mdo.files.shipped import locate
 from hkt_mdo.files.table import (
     Column,
@@ -19,8 +18,8 @@ from hkt_mdo.files.table import (
     read_text,
 )
 
-MOST_POINTS = 5000
-"""Largest number of points; testing more for crossings takes too long."""
+FEWEST_POINTS, MOST_POINTS = 10, 5000
+"""Fewer points show no section; testing more for crossings takes too long."""
 
 EDGE = 0.02
 """How far the leading edge may lie from x = 0 and the trailing edge from x = 1, over the chord."""
@@ -35,6 +34,9 @@ _ORDER = "give the points from the trailing edge over the upper side to the lead
 _CHORD_AXES = "give coordinates over the chord: leading edge at (0, 0), trailing edge at (1, 0)"
 _FORMATS = "a CSV file x_over_c,y_over_c, or coordinates in Selig's or Lednicer's order"
 _NUM_COORDS = re.compile(r"(\d+)\s+NumCoords\b", re.IGNORECASE)
+_COORDINATES = re.compile(
+    r"""^[ \t]*(@?"[^"\n]*"|@?'[^'\n]*'|\S+)[ \t]+NumCoords\b""", re.MULTILINE | re.IGNORECASE
+)
 _TEXT = re.compile(r"(?!.*\b(nan|inf))(.*[^\W\d_]{3}|\D*[^\W\d_]\D*$)")
 
 _ROUNDING = 1e-12
@@ -86,6 +88,39 @@ def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
     else:
         points = _read_aerodyn(lines[begin:], path)
     return checked_outline(*points.values())
+
+
+def coordinates_of(airfoil: Path) -> Path | None:
+    """Return the file that holds the coordinates of a section, as an airfoil file says.
+
+    Parameters
+    ----------
+    airfoil : pathlib.Path
+        An airfoil file of AeroDyn, or any other file.
+
+    Returns
+    -------
+    pathlib.Path or None
+        The file that the airfoil file names at ``NumCoords``, from its own folder; itself if it
+        holds them; None if it has neither.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or the one that it names does not exist.
+    """  # noqa: DOC501 - `line_error` returns an InputError
+    text = read_text(airfoil, "file with an outline")
+    match = _COORDINATES.search(text)
+    if not match:
+        return None
+    if not match[1].startswith("@"):
+        return airfoil if (parse_number(match[1]) or 0.0) >= FEWEST_POINTS else None
+    named = airfoil.parent / match[1].removeprefix("@").strip("\"'").replace("\\", "/")
+    if not named.is_file():
+        line = len(numbered_lines(text[: match.end()]))
+        remedy = "put the file there, or give another outline"
+        raise line_error(airfoil, line, "does not exist", remedy, "NumCoords", value=str(named))
+    return named
 
 
 def _read_pairs(lines: list[tuple[int, str]], path: Path) -> dict[str, Column]:
