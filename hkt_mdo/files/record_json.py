@@ -12,15 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.record_table import (
-    MAX_BYTES,
-    TIME_UNITS,
-    Columns,
-    RecordFile,
-    choose,
-    parse_rows,
-)
-from hkt_mdo.files.table import parse_number, read_text
+from hkt_mdo.files.record_table import TIME_UNITS, Columns, RecordFile, choose, parse_rows
+from hkt_mdo.files.table import MAX_RECORD_BYTES, parse_number, read_text
 
 NOAA = {"s": "cm/s", "d": ""}
 """Columns of currents of NOAA as MHKiT saves them, speed and direction, with their units."""
@@ -67,7 +60,7 @@ def read_json(options: RecordFile) -> Columns:
         If its columns are not clear; what `json` raises where the file is broken.
     """
     path = Path(options.file)
-    data = json.loads(read_text(path, "record", MAX_BYTES))
+    data = json.loads(read_text(path, "record", MAX_RECORD_BYTES))
     try:
         series = _series(data)
     except (KeyError, TypeError, IndexError, AttributeError, ValueError):

@@ -12,11 +12,8 @@ import numpy as np
 
 from hkt_mdo.errors import InputError, did_you_mean
 from hkt_mdo.files.shipped import SPELLINGS
-from hkt_mdo.files.table import LONGEST_NAME, Column, Csv, parse_number, read_text
+from hkt_mdo.files.table import LONGEST_NAME, MAX_RECORD_BYTES, Column, Csv, parse_number, read_text
 from hkt_mdo.sections import ExistingFile, Pair, Quantity, Section
-
-MAX_BYTES = 256 * 1024**2
-"""Largest file that is read, in bytes."""
 
 _MISSING = {"", "nan", "na", "n/a", "null", "none"}  # cells of missing samples, in small letters
 _LONGEST_DATE = 64  # characters
@@ -373,7 +370,8 @@ def read_csv(options: RecordFile) -> Columns:
         If the file is broken, or its columns are not clear; with file, line and column.
     """
     path = Path(options.file)
-    table = Csv(read_text(path, "record", MAX_BYTES), path, "a header such as time_s,speed_m_s")
+    text = read_text(path, "record", MAX_RECORD_BYTES)
+    table = Csv(text, path, "a header such as time_s,speed_m_s")
     names = choose(table.header, table.header[0], options)
     indices = [table.header.index(name) for name in names[:2]]
     cells = ((line, *(row[index].strip() for index in indices)) for line, row in table)
@@ -459,7 +457,7 @@ def read_pairs(path: str | Path, columns: tuple[str, str]) -> tuple[Column, Colu
         If the file is broken, or lacks one of them; with file, line and column.
     """
     path = Path(path)
-    text, begin = read_text(path, "table", MAX_BYTES), f"a header with {','.join(columns)}"
+    text, begin = read_text(path, "table", MAX_RECORD_BYTES), f"a header with {','.join(columns)}"
     table, words = Csv(text, path, begin, columns), {*"_".join(columns).split("_")}
     plain = all(name.isalpha() and name.lower() not in words for name in table.header)
     by_order = plain and len({*table.header}) == len(table.header) == 2

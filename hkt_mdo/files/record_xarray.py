@@ -11,16 +11,8 @@ from typing import Any
 import numpy as np
 
 from hkt_mdo.errors import install, needed
-from hkt_mdo.files.record_table import (
-    MAX_BYTES,
-    SPEED_UNITS,
-    SPEEDS,
-    Columns,
-    RecordFile,
-    choose,
-    named_unit,
-)
-from hkt_mdo.files.table import read_bytes
+from hkt_mdo.files.record_table import SPEED_UNITS, SPEEDS, Columns, RecordFile, choose, named_unit
+from hkt_mdo.files.table import MAX_RECORD_BYTES, read_bytes
 
 _HORIZONTAL = {("e", "n"), ("x", "y"), ("u", "v"), ("streamwise", "x-stream")}
 """Labels of two horizontal components of a velocity, in small letters."""
@@ -51,7 +43,7 @@ def read_parquet(options: RecordFile) -> Columns:
     """
     _need("pyarrow.parquet", options)
     pandas = _need("pandas", options)
-    content = io.BytesIO(read_bytes(Path(options.file), MAX_BYTES, "record"))
+    content = io.BytesIO(read_bytes(Path(options.file), MAX_RECORD_BYTES, "record"))
     return _from_frame(pandas.read_parquet(content), options)
 
 
@@ -75,7 +67,7 @@ def read_netcdf(options: RecordFile) -> Columns:
     """
     xarray, path = _need("xarray", options), Path(options.file)
     engine: dict[str, Any] = {"engine": "netcdf4"}
-    if read_bytes(path, MAX_BYTES, "record").startswith(b"CDF"):
+    if read_bytes(path, MAX_RECORD_BYTES, "record").startswith(b"CDF"):
         engine = {"engine": "scipy", "mmap": False}  # netCDF4 reads zeros where a file is cut
     else:
         _need("netCDF4", options)

@@ -15,8 +15,8 @@ import numpy as np
 
 from hkt_mdo.errors import InputError, did_you_mean
 
-MAX_TEXT_BYTES = 16 * 1024**2
-"""Largest text file that is read where nothing else is said, in bytes."""
+MAX_TEXT_BYTES, MAX_RECORD_BYTES = 16 * 1024**2, 256 * 1024**2
+"""Largest text file that is read where nothing else is said, and largest record, in bytes."""
 
 LONGEST_NAME = 100
 """Most characters of a column's name or a key that a message repeats."""

@@ -561,7 +561,7 @@ def test_missing_packages_are_reported(tmp_path, monkeypatch, name, package):
 
 def test_limits(tmp_path, monkeypatch):
     path = csv(tmp_path)
-    monkeypatch.setattr(record_table, "MAX_BYTES", 1024)
+    monkeypatch.setattr(record_table, "MAX_RECORD_BYTES", 1024)
     assert "is larger than 0.000976562 MiB" in refused(read_record, path)
     monkeypatch.undo()
     monkeypatch.setattr(records, "MAX_ROWS", 2402)
