@@ -6,7 +6,6 @@ Source: windIO, IEA Wind Task 37, turbine schema, https://windio.readthedocs.io.
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import yaml
@@ -31,26 +30,12 @@ _Airfoil = tuple[Place, str, str | None]
 """An airfoil along the blade: where it stands, its name, and its polars' configuration, if any."""
 
 
-class _Version(NamedTuple):
-    """Keys and units that differ between the versions of windIO."""
-
-    number: int
-    shape: str
-    radian: float  # of the unit of angles
-    angle_unit: str
-    thickness: str
-    coefficients: tuple[str, str, str]
-
-    @property
-    def angles(self) -> str:
-        """The unit of angles in words."""
-        return f"windIO {self.number} counts angles in {self.angle_unit}"
-
-
-_VERSIONS = (
-    _Version(1, "outer_shape_bem", 1.0, "radians", "relative_thickness", ("c_l", "c_d", "c_m")),
-    _Version(2, "outer_shape", np.pi / 180.0, "degrees", "rthick", ("cl", "cd", "cm")),
-)
+# Of each version of windIO, by the key of the blade's shape: number, unit of angles in words
+# and in radians, key of an airfoil's thickness, keys of its coefficients.
+_VERSIONS = {
+    "outer_shape_bem": (1, "radians", 1.0, "relative_thickness", ("c_l", "c_d", "c_m")),
+    "outer_shape": (2, "degrees", np.pi / 180.0, "rthick", ("cl", "cd", "cm")),
+}
 
 
 def read_windio(text: str, file: Path) -> BladeTable:
@@ -82,11 +67,11 @@ def read_windio(text: str, file: Path) -> BladeTable:
         raise InputError("is no windIO turbine", remedy, file=file, key="line 1")
     root = Place(tree, "", file)
     blade = root.get("components.blade", "give a turbine with a blade")
-    versions = [version for version in _VERSIONS if blade.find(version.shape)]
-    if len(versions) != 1:
+    shapes = [key for key in _VERSIONS if blade.find(key)]
+    if len(shapes) != 1:
         problem = "must hold one of outer_shape (windIO 2) and outer_shape_bem (windIO 1)"
         raise blade.refuse(problem, "give that of the file's version of windIO")
-    return _Turbine(root, blade.get(versions[0].shape), versions[0]).blade()
+    return _Turbine(root, shapes[0]).blade()
 
 
 def _curve(place: Place) -> tuple[Column, Column]:
@@ -108,13 +93,15 @@ def _spanwise(place: Place) -> tuple[np.ndarray, Column]:
 class _Turbine:
     """Reads one turbine and collects the messages about it."""
 
-    def __init__(self, root: Place, shape: Place, version: _Version) -> None:
-        self.root, self.shape, self.version = root, shape, version
+    def __init__(self, root: Place, shape: str) -> None:
+        self.root, self.shape = root, root.get(f"components.blade.{shape}")
+        self.version, unit, self.radian, self.thickness, self.coefficients = _VERSIONS[shape]
+        self.angles = f"windIO {self.version} counts angles in {unit}"
         self.messages: list[str] = []
 
     def blade(self) -> BladeTable:
         """Return the table of the turbine's blade."""
-        root, shape, version = self.root, self.shape, self.version
+        root, shape, radian = self.root, self.shape, self.radian
         diameter = root.get("components.hub.diameter", "add the hub's diameter in metres")
         hub = 0.5 * diameter.number(0.0, 100.0, "give the hub's diameter in metres")
         # a blade here is of one material
@@ -124,8 +111,8 @@ class _Turbine:
         s_axis, height = self.height()
         s_chord, chord = _spanwise(shape.get("chord"))
         s_twist, twist = _spanwise(shape.get("twist"))
-        twist = replace(twist, values=version.radian * twist.values)
-        if version.number == 2:
+        twist = replace(twist, values=radian * twist.values)
+        if self.version == 2:
             self.messages.append("windIO 2: degrees converted to radians")
         if not np.array_equal(s_chord, s_twist):
             grids = "chord and twist have different grids: rows are both, linear in between"
@@ -137,7 +124,7 @@ class _Turbine:
         rows = [f"components.blade, row at s = {share:.6g}" for share in s]
         s_thick, thick = _spanwise(shape.get("rthick")) if shape.find("rthick") else (None, None)
         radii = Column("r", r, rows, r.tolist(), root.file)
-        check_rows(radii, chord, twist, thick, tip, version.angles)
+        check_rows(radii, chord, twist, thick, tip, self.angles)
         airfoils, s_airfoils = self.positions()
         names = [name for _, name, _ in airfoils]
         sections = self.sections(airfoils)
@@ -147,8 +134,8 @@ class _Turbine:
             thickness = np.minimum(np.interp(s, s_thick, thick.values), 1.0)
         elif None not in of_section.values():
             thickness = np.interp(s, s_airfoils, [of_section[name] for name in names])
-        cone, most = root.find("components.hub.cone_angle"), 0.5 * np.pi / version.radian
-        angle = cone and version.radian * cone.number(-most, most, version.angles)
+        cone, most = root.find("components.hub.cone_angle"), 0.5 * np.pi / radian
+        angle = cone and radian * cone.number(-most, most, self.angles)
         r_airfoils = hub + np.interp(s_airfoils, s_axis, height)
         return BladeTable(
             r,
@@ -205,7 +192,7 @@ class _Turbine:
 
     def positions(self) -> tuple[list[_Airfoil], np.ndarray]:
         """Return the airfoils along the span, and their positions from 0 (root) to 1 (tip)."""
-        if self.version.number == 1:
+        if self.version == 1:
             where = self.shape.get("airfoil_position")
             grid, labels = where.get("grid").numbers(), where.get("labels").items()
             where.check_sizes(grid=grid.values, labels=labels)
@@ -241,7 +228,7 @@ class _Turbine:
 
     def section(self, airfoil: Place, name: str, configuration: str | None) -> SectionTable:
         """Return one airfoil with the polars of its configuration."""
-        thick = airfoil.find(self.version.thickness)
+        thick = airfoil.find(self.thickness)
         thickness = thick and min(thick.number(0.0, 1.0 + 1e-6, "it is over the chord"), 1.0)
         coordinates = airfoil.find("coordinates")
         outline = checked_outline(*coordinates.pair("x", "y")) if coordinates else ()
@@ -259,21 +246,20 @@ class _Turbine:
             remedy = f"known: {', '.join(map(str, tagged))}"
             raise listed.refuse(f"has no polars of configuration {configuration}", remedy)
         places = tagged[configuration]
-        if self.version.number == 2:
+        if self.version == 2:
             places = [place for entry in places for place in entry.get("re_sets").items()]
         polars = in_order([self.polar(x, name) for x in places], airfoil.file, f" of {name}")
         return SectionTable(name, thickness, polars, outline)
 
     def polar(self, place: Place, section: str) -> PolarTable:
         """Return one polar, its coefficients on one grid of angles of attack."""
-        version = self.version
         curves: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-        for name, key in zip(("cl", "cd", "cm"), version.coefficients, strict=True):
+        for name, key in zip(("cl", "cd", "cm"), self.coefficients, strict=True):
             curve = place.find(key) if name == "cm" else place.get(key)
             if curve is not None:
                 grid, column = _curve(curve)
-                beyond = np.abs(np.rad2deg(version.radian * grid.values)) > 180.0 + CIRCLE_EDGE
-                grid.refuse(beyond, "lies beyond the full circle", version.angles)
+                beyond = np.abs(np.rad2deg(self.radian * grid.values)) > 180.0 + CIRCLE_EDGE
+                grid.refuse(beyond, "lies beyond the full circle", self.angles)
                 curves[name] = grid.values, column.values
         grids = [grid for grid, _ in curves.values()]
         alpha = np.unique(np.concatenate(grids))
@@ -284,7 +270,7 @@ class _Turbine:
             raise place.refuse(problem, "give both over one grid")
         if any(grid.size != alpha.size for grid in grids):
             self.messages.append(f"{section}: coefficients on different grids are joined linearly")
-        arrays = {"alpha" if version.number == 2 else "alpha_rad": alpha}
+        arrays = {"alpha" if self.version == 2 else "alpha_rad": alpha}
         arrays |= {name: np.interp(alpha, *curve) for name, curve in curves.items()}
         number = place.find("re")
         reynolds = number and number.number(0.0, 1e12, "give it as a plain number")
