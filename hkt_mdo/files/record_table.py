@@ -334,12 +334,11 @@ def choose(names: Sequence[str], default: str | None, options: RecordFile) -> tu
             remedy = f"give speed_column: of {_listed(others)}" if others else remedy
             raise InputError(problem, remedy, file=options.file)
         speed = others[0]
-    shown = _listed(names)
     for key, name in (("time_column", time), ("speed_column", speed)):
         count = names.count(name)
         if count != 1 or time == speed:
             problem = ("is no column", "is the time")[count] if count < 2 else "appears twice"
-            remedy = f"{'' if count else did_you_mean(name, names)}there are {shown}"
+            remedy = f"{'' if count else did_you_mean(name, names)}there are {_listed(names)}"
             raise InputError(problem, remedy, file=options.file, key=key, value=name)
     return time, speed, *(name for name in others if name != speed)
 
@@ -403,12 +402,7 @@ def parse_rows(
     ------
     InputError
         If there are no rows, or a text is neither number nor date.
-    """  # noqa: DOC501 - `refuse` returns an InputError
-
-    def refuse(line: int, column: int, wrong: tuple[str, str], value: str) -> InputError:
-        key = f"{where} {line}, {column_key(names[column])}"
-        return InputError(*wrong, file=file, key=key, value=value)
-
+    """
     lines, times, speeds = array("q"), array("d"), array("d")
     first: datetime | None = None  # where the times are dates
     for line, time, speed in rows:
@@ -420,11 +414,11 @@ def parse_rows(
                 seconds = (date - first).total_seconds()
             except (ValueError, TypeError) as error:
                 seconds, wrong = None, _NO_DATE if isinstance(error, ValueError) else _MIXED_ZONES
-        if seconds is None:
-            raise refuse(line, 0, wrong, time)
         number = np.nan if speed.lower() in _MISSING else parse_number(speed)
-        if number is None:
-            raise refuse(line, 1, _NO_SPEED, speed)
+        if seconds is None or number is None:
+            at, value, told = (0, time, wrong) if seconds is None else (1, speed, _NO_SPEED)
+            key = f"{where} {line}, {column_key(names[at])}"
+            raise InputError(*told, file=file, key=key, value=value)
         lines.append(line)
         times.append(seconds)
         speeds.append(number)
