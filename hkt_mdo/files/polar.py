@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from hkt_mdo.errors import InputError
 from hkt_mdo.files.aerodyn import OLD_COUNT, read_airfoil, read_old_airfoil
 from hkt_mdo.files.polar_table import SURFACES, PolarTable, in_order, polar_of_rows, read_reynolds
 from hkt_mdo.files.shipped import POLAR_FAMILIES, locate
@@ -63,8 +62,6 @@ def read_polars(source: str | Path) -> tuple[PolarTable, ...]:
 def _read_file(path: Path) -> list[PolarTable]:
     """Return the polars of a file in the order in which they stand there."""
     text = read_text(path, "file with a polar")
-    if not text.strip():
-        raise InputError("is empty", f"give {_FORMATS}", file=path)
     if _AERODYN.search(text):
         return read_airfoil(text, path)
     if OLD_COUNT.search(text):
@@ -78,7 +75,7 @@ def _read_file(path: Path) -> list[PolarTable]:
 def _read_csv(text: str, path: Path) -> list[PolarTable]:
     """Return the polars of a CSV file, one for each number in its column reynolds."""
     names = *_ANGLES, "cl", "cd", "cm", "reynolds", "cpmin", *SURFACES
-    table = Csv(text, path, "alpha_deg,cl,cd", names)
+    table = Csv(text, path, f"that of {_FORMATS}", names)
     if not {*_ANGLES, "cl", "cd"} & set(table.header):
         raise table.refuse("is no header of alpha_deg,cl,cd", f"give {_FORMATS}")
     table.check((table.one_of(_ANGLES, "angle of attack"), "cl", "cd"), "polar")

@@ -132,9 +132,14 @@ def polar_table(
             messages.append(f"{file}: {note}")
         table |= {x: _closed(table[x], messages) for x in ("cl", "cd", "cm") if x in table}
     lift, drag, moment = table["cl"], table["cd"], table.get("cm")
-    for name, column in (("lift", lift), ("drag", drag), ("moment", moment)):
+    ends = "; for a hub or tip without load, name the section beside it in the blade's file"
+    remedy = "correct the row" + ends * (not np.any(drag.values))
+    drag.refuse(drag.values <= 0.0, "drag must be positive", remedy)
+    remedy = "give the coefficient as a plain number, not in counts or percent"
+    for largest, column in zip(LARGEST.values(), (lift, drag, moment), strict=True):
         if column is not None:
-            _check_coefficient(name, column)
+            problem = f"is beyond {largest:g}, which no section has"
+            column.refuse(np.abs(column.values) > largest, problem, remedy)
     below, above = np.interp([-ATTACHED, ATTACHED], degrees, lift.values)
     problem = f"falls from -{ATTACHED:g} to {ATTACHED:g} degrees, where the lift of sections rises"
     falls = (np.abs(degrees) < ATTACHED) & (above < below - LEAST_FALL)
@@ -285,18 +290,6 @@ def _closed(column: Column, messages: list[str]) -> Column:
         messages.append(f"{ends}, which are one angle: their mean is taken")
         values[[0, -1]] = 0.5 * (first + values[-1])
     return replace(column, values=values)
-
-
-def _check_coefficient(name: str, column: Column) -> None:
-    """Refuse drag that is not positive, and absurd coefficients."""
-    values = column.values
-    if name == "drag":
-        ends = "; for a hub or tip without load, name the section beside it in the blade's file"
-        remedy = "correct the row" + ends * (not np.any(values))
-        column.refuse(values <= 0.0, "drag must be positive", remedy)
-    problem = f"is beyond {LARGEST[name]:g}, which no section has"
-    remedy = "give the coefficient as a plain number, not in counts or percent"
-    column.refuse(np.abs(values) > LARGEST[name], problem, remedy)
 
 
 def _smallest_pressure(table: Mapping[str, Column]) -> np.ndarray | None:
