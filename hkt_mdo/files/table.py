@@ -488,7 +488,8 @@ class Csv:
             raise self.refuse("has a number where the columns' names are expected", begin)
         for name in known:
             if self.header.count(name) > 1:
-                raise self.refuse("appears twice in the header", "name each column once", name)
+                problem, remedy = "appears twice in the header", "name each column once"
+                raise line_error(file, self.header_line, problem, remedy, f"column {name}")
 
     def _read(self, reader) -> Iterator[Row]:
         """Yield the rows that are neither empty nor remarks."""
@@ -509,24 +510,21 @@ class Csv:
     def __iter__(self) -> Iterator[Row]:
         return self._rows
 
-    def refuse(self, problem: str, remedy: str, column: str = "") -> InputError:
+    def refuse(self, problem: str, remedy: str) -> InputError:
         """Return the error of the header.
 
         Parameters
         ----------
         problem, remedy : str
             As of `InputError`.
-        column : str
-            Name of the column in which it lies; empty for the whole header.
 
         Returns
         -------
         InputError
             To be raised.
         """
-        what = f"column {column}" if column else ""
-        shown = {} if column else {"value": ",".join(self.header)}
-        return line_error(self.file, self.header_line, problem, remedy, what, **shown)
+        shown = ",".join(self.header)
+        return line_error(self.file, self.header_line, problem, remedy, value=shown)
 
     @cached_property
     def rows(self) -> list[Row]:
