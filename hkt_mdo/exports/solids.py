@@ -4,7 +4,6 @@ Axes of the rotor: x along the shaft, downstream; z along the first blade where 
 completes a right-handed system. The origin is where the blades' axes meet the shaft.
 """
 
-from abc import ABC
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
@@ -27,7 +26,7 @@ TRAILING_EDGE = 0.005
 """Thickness of the trailing edge over the local chord, where none is given."""
 
 
-class Outer(Format, ABC):
+class Outer(Format):
     """What all formats of the blade's outer surface have in common."""
 
     trailing_edge: Annotated[float, Quantity("m", ge=0)] | None = None
@@ -157,7 +156,7 @@ class Sections(Outer):
         return contents
 
 
-class Solid(Outer, ABC):
+class Solid(Outer):
     """What the formats of closed bodies have in common."""
 
     spanwise: Annotated[int, Field(ge=3, le=1000)] = 100

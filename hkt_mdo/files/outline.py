@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import locate
 from hkt_mdo.files.table import (
     Column,
@@ -68,7 +67,7 @@ def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
     InputError
         If there is no such file, it is broken, or its points are no closed section; with file,
         line, value and remedy.
-    """
+    """  # noqa: DOC501 - `line_error` returns an InputError
     path = locate(source, "outline")
     path = coordinates_of(path) or path
     text = read_text(path, "file with an outline")
@@ -78,7 +77,7 @@ def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
         if line.strip() and line.lstrip()[0] not in "#!%"
     ]
     if not lines:
-        raise InputError("is empty", f"give {_FORMATS}", file=path)
+        raise line_error(path, 1, "is empty", f"give {_FORMATS}")
     begin = next((at for at, line in enumerate(lines) if _NUM_COORDS.match(line[1])), None)
     if re.search(r"[xy]_over_c", lines[0][1]):
         names = "x_over_c", "y_over_c"

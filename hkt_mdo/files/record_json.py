@@ -20,7 +20,6 @@ NOAA = {"s": "cm/s", "d": ""}
 TIME = "time"
 """What messages call the times of a JSON file."""
 
-_KNOWN = "columns over times since 1970 (MHKiT, pandas), or a response of USGS"
 _TIME = re.compile(r"-?\d+(\.\d*)?$|\d{4}-")
 _PLAUSIBLE = 3e7, 4.2e9  # s since 1970: from 1971 to 2103, which no other unit of these reaches
 
@@ -66,7 +65,7 @@ def read_json(options: RecordFile) -> Columns:
     except (KeyError, TypeError, IndexError, AttributeError, ValueError):
         series = []
     if not series:
-        remedy = f"give {_KNOWN}, or write it as CSV"
+        remedy = "give columns over times since 1970 (MHKiT, pandas), a response of USGS, or CSV"
         raise InputError("is JSON, and no record of a known form", remedy, file=path)
     empty = [column for column in series if not column.times]
     messages = [f"{', '.join((column.name, *column.qualifiers))}: no samples" for column in empty]

@@ -16,7 +16,6 @@ from hkt_mdo.files.table import LONGEST_NAME, MAX_RECORD_BYTES, Column, Csv, par
 from hkt_mdo.sections import ExistingFile, Pair, Quantity, Section
 
 _MISSING = {"", "nan", "na", "n/a", "null", "none"}  # cells of missing samples, in small letters
-_LONGEST_DATE = 64  # characters
 _MOST_NAMES = 8  # that a message lists
 
 LONGEST = 1e10
@@ -409,7 +408,7 @@ def parse_rows(
         seconds, wrong = parse_number(time), _NO_NUMBER
         if first or (seconds is None and not lines):
             try:
-                date = datetime.fromisoformat(time[:_LONGEST_DATE])
+                date = datetime.fromisoformat(time)
                 first = first or date
                 seconds = (date - first).total_seconds()
             except (ValueError, TypeError) as error:
