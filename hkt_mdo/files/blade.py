@@ -147,9 +147,7 @@ def _read_csv(text: str, file: Path) -> BladeTable:
     )
 
 
-def write_blade_csv(
-    path: str | Path, blade, thickness: np.ndarray, remarks: Iterable[str] = ()
-) -> None:
+def write_blade_csv(path: Path, blade, thickness: np.ndarray, remarks: Iterable[str]) -> None:
     """Write a blade as CSV whose numbers read back bit by bit.
 
     Columns are r_m, chord_m, twist_deg as people read it, twist_rad, which is exact, and
@@ -157,7 +155,7 @@ def write_blade_csv(
 
     Parameters
     ----------
-    path : str or pathlib.Path
+    path : pathlib.Path
         File to write or replace.
     blade : Blade
         The blade, m and rad.
@@ -174,4 +172,4 @@ def write_blade_csv(
     names = "r_m", "chord_m", "twist_deg", "twist_rad", "thickness_over_chord"
     columns = blade.r, blade.chord, np.rad2deg(blade.twist), blade.twist, thickness
     lines = "\n".join(map(str, remarks)).splitlines()
-    write_files({Path(path): csv_text(names, np.column_stack(columns).tolist(), lines)})
+    write_files({path: csv_text(names, np.column_stack(columns).tolist(), lines)})

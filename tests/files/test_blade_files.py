@@ -99,7 +99,7 @@ def test_what_is_written_reads_back_bit_by_bit(data, tmp_path_factory):
 def test_what_cannot_be_written_is_said(tmp_path, put):
     table = read_blade(put("m.csv", METRES))
     with pytest.raises(InputError, match="cannot be written"):
-        write_blade_csv(tmp_path / "no" / "b.csv", table, table.chord)
+        write_blade_csv(tmp_path / "no" / "b.csv", table, table.chord, [])
 
 
 # --- radii: scaling, hub and tip -----------------------------------------------------------------
@@ -291,7 +291,7 @@ def test_radians_below_the_name_of_degrees_are_suspected(put):
 
 def test_a_written_blade_has_the_twist_in_degrees_too(tmp_path, put):
     path, blade = tmp_path / "b.csv", read_blade(put("m.csv", METRES))
-    write_blade_csv(path, blade, blade.chord)
+    write_blade_csv(path, blade, blade.chord, [])
     header, *rows = [line.split(",") for line in path.read_text().splitlines()]
     assert header == ["r_m", "chord_m", "twist_deg", "twist_rad", "thickness_over_chord"]
     assert [float(row[2]) for row in rows] == np.rad2deg(blade.twist).tolist()
