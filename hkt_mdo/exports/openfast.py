@@ -123,13 +123,12 @@ class OpenFast(Format):
 
     def _aerodyn_rows(self, blade: Blade, kinds: list[Airfoil]) -> np.ndarray:
         """Return the rows of AeroDyn's blade: hub, stations and tip, with buoyancy or without."""
-        number = np.empty(blade.r.size, dtype=int)
-        for index, kind in enumerate(kinds):
-            number[kind.stations] = index
-        shapes = [(x.outline.thickness, x.outline.area, *x.outline.centroid) for x in kinds]
-        thickness, area, x, y = np.array(shapes)[number].T
+        shapes = np.empty((blade.r.size, 5))
+        for number, (_, outline, stations) in enumerate(kinds, 1):
+            shapes[stations] = number, outline.thickness, outline.area, *outline.centroid
+        numbers, thickness, area, x, y = shapes.T
         zero, floats = np.zeros(blade.r.size), self.hub_volume is not None
-        columns = [zero, zero, zero, np.rad2deg(blade.twist), blade.chord, number + 1, thickness]
+        columns = [zero, zero, zero, np.rad2deg(blade.twist), blade.chord, numbers, thickness]
         columns += [4.0 / np.pi * area * floats, y * blade.chord, (x - 0.25) * blade.chord]
         columns += 5 * [zero]
         rows = np.column_stack((blade.edges - blade.hub_radius, *map(extended_to_ends, columns)))

@@ -391,9 +391,8 @@ def binary_stl(corners: np.ndarray, header: str) -> bytes:
     one, two, three = np.moveaxis(corners, 1, 0)
     normal = np.cross(two - one, three - one)
     length = np.linalg.norm(normal, axis=1, keepdims=True)
-    facets = np.zeros(
-        len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
-    )
+    facet = [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
+    facets = np.zeros(len(corners), dtype=facet)
     facets["normal"] = normal / np.where(length > 0.0, length, 1.0)
     facets["corners"] = corners
     first = header.encode("ascii", "replace")[:80].ljust(80)
