@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hkt_mdo.files.blade_table import BladeTable, check_rows
+from hkt_mdo.files.blade_table import BladeTable, checked_rows
 from hkt_mdo.files.polar_table import PolarTable, polar_of_rows, read_reynolds
 from hkt_mdo.files.table import Column, line_error, number_columns, numbered_lines, parse_number
 
@@ -187,7 +187,6 @@ _UNITS = {"BlSpn": "m", "BlCrvAC": "m", "BlSwpAC": "m", "BlCrvAng": "deg"}
 _UNITS |= {"BlTwist": "deg", "BlChord": "m", "BlAFID": "-", "t_c": "-"}
 _ROW_COUNT = re.compile(r"\s*\S+\s+NumBlNds\b", re.IGNORECASE)
 _NEEDED = ("BlSpn", "BlTwist", "BlChord", "BlAFID")
-_USUAL = "BlSpn BlCrvAC BlSwpAC BlCrvAng BlTwist BlChord BlAFID"
 
 
 def read_blade_definition(text: str, file: Path) -> BladeTable:
@@ -229,15 +228,12 @@ def read_blade_definition(text: str, file: Path) -> BladeTable:
         messages.append("t_c: all 0, taken as not given")
         thickness = None
     twist = replace(degrees, values=np.deg2rad(degrees.values))
-    check_rows(span, chord, twist, thickness, float(np.max(span.values)))
+    rows = checked_rows(span, chord, twist, thickness, float(np.max(span.values)))
     wrong = (section.values < 1.0) | (section.values != np.floor(section.values))
     remedy = "give the place in AeroDyn's list of airfoil files, from 1"
     section.refuse(wrong, "is no number of an airfoil", remedy)
     return BladeTable(
-        span.values,
-        chord.values,
-        twist.values,
-        thickness=None if thickness is None else thickness.values,
+        **rows,
         section=tuple(f"{number:.0f}" for number in section.values),
         tip_radius=last,
         hub_radius=0.0,
@@ -269,7 +265,7 @@ def _blade_columns(text: str, file: Path) -> tuple[dict[str, Column], list[str]]
     missing = [f"lacks the column {name}" for name in _NEEDED if name not in names]
     repeated = [f"has the column {name} twice" for name in names if names.count(name) > 1]
     for problem in (missing + repeated)[:1]:
-        remedy = f"the line after NumBlNds names the columns {_USUAL}"
+        remedy = f"the line after NumBlNds names the columns {' '.join([*_UNITS][:-1])}"
         raise line_error(file, line, problem, remedy, value=" ".join(names))
     if not units or not units[0].startswith("("):
         problem = "is not the line of units"

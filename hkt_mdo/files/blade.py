@@ -10,7 +10,7 @@ import numpy as np
 
 from hkt_mdo.errors import did_you_mean
 from hkt_mdo.files.aerodyn import read_blade_definition
-from hkt_mdo.files.blade_table import EDGE, BladeTable, check_rows
+from hkt_mdo.files.blade_table import EDGE, BladeTable, checked_rows
 from hkt_mdo.files.shipped import locate
 from hkt_mdo.files.table import Csv, csv_text, line_error, numbered_lines, read_text, write_files
 from hkt_mdo.files.windio import read_windio
@@ -126,7 +126,8 @@ def _read_csv(text: str, file: Path) -> BladeTable:
         problem = "lies beyond the tip, where r/R is 1"
         remedy = "divide by the tip radius, or name the column r_m or r_mm"
         r.refuse(r.values > 1.0 + EDGE, problem, remedy)
-    check_rows(r, chord, twist, thickness, 1.0 if relative else float(np.max(r.values)))
+    longest = 1.0 if relative else float(np.max(r.values))
+    rows = checked_rows(r, chord, twist, thickness, longest)
     section = None
     if "section" in table.header:
         index = table.header.index("section")
@@ -134,17 +135,8 @@ def _read_csv(text: str, file: Path) -> BladeTable:
         if "" in section:
             line, remedy = table.rows[section.index("")][0], "name the section of every row or none"
             raise line_error(file, line, "names no section", remedy, "column section")
-    return BladeTable(
-        r.values,
-        chord.values,
-        twist.values,
-        relative,
-        None if thickness is None else thickness.values,
-        section,
-        messages=tuple(messages),
-        doubts=doubts,
-        file=str(file),
-    )
+    told = {"messages": tuple(messages), "doubts": doubts, "file": str(file)}
+    return BladeTable(**rows, **told, relative=relative, section=section)
 
 
 def write_blade_csv(path: Path, blade, thickness: np.ndarray, remarks: Iterable[str]) -> None:

@@ -1,6 +1,7 @@
 """Table of a blade, the same for every file format: rows from root to tip, and their checks."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -165,15 +166,15 @@ class BladeTable:
         return tuple(blends)
 
 
-def check_rows(
+def checked_rows(
     r: Column,
     chord: Column,
     twist: Column,
     thickness: Column | None,
     longest: float,
     twist_remedy: str = "check the unit of the twist",
-) -> None:
-    """Refuse rows that cannot be a blade; the error names the first wrong value.
+) -> dict[str, Any]:
+    """Return rows as `BladeTable` takes them; refuse those that cannot be a blade.
 
     Parameters
     ----------
@@ -190,10 +191,16 @@ def check_rows(
     twist_remedy : str
         What to do about a twist that is too large.
 
+    Returns
+    -------
+    dict of numpy.ndarray or None
+        The numbers of the columns by their names here.
+
     Raises
     ------
     InputError
-        If a value is out of its range, or there are too few or too many rows.
+        If a value is out of its range, or there are too few or too many rows; it names the first
+        wrong value.
     """
     size, every = r.values.size, np.ones(r.values.size, dtype=bool)
     only = f"is the only row: a blade has at least {FEWEST_ROWS}"
@@ -211,3 +218,5 @@ def check_rows(
         wrong = (thickness.values < THINNEST) | (thickness.values > 1.0 + THICK_ROUNDED)
         problem = "is no thickness over chord, which lies within 0.01 and 1 (1 and 100 %)"
         thickness.refuse(wrong, problem, "correct it; in a CSV, thickness_percent is in per cent")
+    columns = {"r": r, "chord": chord, "twist": twist, "thickness": thickness}
+    return {name: column and column.values for name, column in columns.items()}

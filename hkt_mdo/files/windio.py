@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.blade_table import EDGE, BladeTable, SectionTable, check_rows
+from hkt_mdo.files.blade_table import EDGE, BladeTable, SectionTable, checked_rows
 from hkt_mdo.files.outline import checked_outline
 from hkt_mdo.files.polar_table import CIRCLE_EDGE, PolarTable, in_order, polar_table
 from hkt_mdo.files.table import Column, array_columns
@@ -124,7 +124,7 @@ class _Turbine:
         rows = [f"components.blade, row at s = {share:.6g}" for share in s]
         s_thick, thick = _spanwise(shape.get("rthick")) if shape.find("rthick") else (None, None)
         radii = Column("r", r, rows, r.tolist(), root.file)
-        check_rows(radii, chord, twist, thick, tip, self.angles)
+        checked_rows(radii, chord, twist, thick, tip, self.angles)
         airfoils, s_airfoils = self.positions()
         names = [name for _, name, _ in airfoils]
         sections = self.sections(airfoils)
