@@ -218,10 +218,7 @@ class Band:
             <load>_band (n_nodes * n_factors).
         """
         wake = bem.sections(blade, rotor.polar, self.nodes, derivatives)
-        repeated = bem.Sections(
-            *(np.repeat(state, FACTORS.size, axis=0) for state in wake[:-1]),
-            np.repeat(wake.derivatives, FACTORS.size, axis=2) if derivatives else np.empty(0),
-        )
+        repeated = bem.Sections(*(np.repeat(x, FACTORS.size, axis=-2) for x in wake))
         ratio = np.outer(self.nodes, FACTORS).ravel()
         wakes = np.repeat(self.nodes, FACTORS.size)
         flow = bem.sections_behind(blade, rotor.polar, repeated, wakes, ratio)
