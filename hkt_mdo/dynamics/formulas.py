@@ -33,15 +33,15 @@ def slope(
         Of the value's shape if diagonal, else (size of the value, size of the quantity).
     """
     argument = np.asarray(quantities[name], dtype=float)
+
+    def along(direction: Any) -> np.ndarray:
+        moved = {**quantities, name: argument + 1j * STEP * direction}
+        return np.imag(function(**moved)) / STEP
+
     if diagonal:
-        value = function(**{**quantities, name: argument + 1j * STEP})
-        return np.imag(value) / STEP * np.ones(argument.shape)
+        return along(1.0) * np.ones(argument.shape)
     units = np.eye(argument.size).reshape(argument.size, *argument.shape)
-    columns = [
-        np.ravel(np.imag(function(**{**quantities, name: argument + 1j * STEP * unit})) / STEP)
-        for unit in units
-    ]
-    return np.stack(columns, axis=1)
+    return np.stack([np.ravel(along(unit)) for unit in units], axis=1)
 
 
 class Formula(Section):
