@@ -15,11 +15,10 @@ from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.shipped import shipped_names, shipped_rotor
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.following import ByThickness, LocalReynolds, over_thickness
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.polars import ByStation, Polars
-from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.strength import Structure, StructureByThickness, material_section
-from hkt_mdo.rotor.thickness import ByThickness, over_thickness
 
 HUB, BLADES = 0.125, 3  # hub over tip radius, blade count: if neither case nor file has them
 POLAR, OUTLINE = "naca63815_Re2e5", "naca63815"

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.compiled import compiled
+from hkt_mdo.rotor.following import over_thickness
 from hkt_mdo.rotor.outline import Outline
-from hkt_mdo.rotor.thickness import over_thickness
 
 PLACES = 64  # about; with them the largest stress is within 1e-3 of that between all places
 EXPONENT = 400  # of the norms that are smooth instead of the largest; see `norm`

@@ -10,7 +10,7 @@ from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
 from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, simulate
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.errors import InputError
-from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.rotor.following import LocalReynolds
 from hkt_mdo.rotor.steady_optimum import best_operation
 from tests.dynamics.test_simulation import constant_torque_coefficient
 

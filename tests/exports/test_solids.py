@@ -9,9 +9,9 @@ from scipy.interpolate import BSpline
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import chosen
+from hkt_mdo.rotor.following import over_thickness
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.outline import FRACTIONS, Outline
-from hkt_mdo.rotor.thickness import over_thickness
 from tests.conftest import CASES
 from tests.exports.made import made
 

@@ -9,10 +9,10 @@ import pytest
 from hkt_mdo.rotor import bem, loads
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.components import TablesComp
+from hkt_mdo.rotor.following import LocalReynolds
 from hkt_mdo.rotor.loads import LoadModel, moment_weights
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.outline import Outline
-from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.strength import Structure, place_weights
 
 WATER, METAL = 1000.0, 2700.0

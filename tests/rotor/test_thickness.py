@@ -9,12 +9,12 @@ import pytest
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import PolarFamily
+from hkt_mdo.rotor.following import ByThickness
 from hkt_mdo.rotor.loads import LoadModel
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.polars import ByStation
 from hkt_mdo.rotor.steady_optimum import best_rotor
 from hkt_mdo.rotor.strength import Structure, StructureByThickness
-from hkt_mdo.rotor.thickness import ByThickness
 
 THICKNESS = np.array([0.12, 0.15, 0.24])
 RATIO = np.linspace(3.0, 11.0, 9)
