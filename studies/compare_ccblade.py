@@ -23,9 +23,8 @@ from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor import ccblade as reference
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
-from hkt_mdo.rotor.angle_curves import KNOTS_PER_DEGREE
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.polars import ByStation
+from hkt_mdo.rotor.polars import KNOTS_PER_DEGREE, ByStation
 
 DATA = Path(__file__).resolve().parents[1] / "tests" / "rotor" / "data"
 BEGIN, END = "<!-- by studies/compare_ccblade.py -->\n", "<!-- end -->"

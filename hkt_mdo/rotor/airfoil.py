@@ -8,8 +8,7 @@ import numpy as np
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.files.polar_table import LARGEST
-from hkt_mdo.rotor.angle_curves import curves_at, periodic_curves, stacked
-from hkt_mdo.rotor.polars import Polars
+from hkt_mdo.rotor.polars import Polars, curves_at, periodic_curves, stacked
 from hkt_mdo.rotor.suction import require_suction, surface_curves
 
 ASPECT_RATIO = 10.0  # of the blade, for the drag of the plate (Viterna and Janetzke 1982, eq. 4)

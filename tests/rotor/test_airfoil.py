@@ -6,8 +6,8 @@ from study_common import shipped_table
 
 from hkt_mdo.files.shipped import shipped_names
 from hkt_mdo.rotor.airfoil import PolarFamily
-from hkt_mdo.rotor.angle_curves import KNOTS_PER_DEGREE
 from hkt_mdo.rotor.outline import Outline
+from hkt_mdo.rotor.polars import KNOTS_PER_DEGREE
 
 POLARS = shipped_names("polar")
 
