@@ -194,16 +194,13 @@ class RecordResource(RecordFile, Resource):
         if raw.parts is not None and np.any(spikes):  # they may have turned the axis
             speed = np.where(spikes, np.nan, whole.speed)
             return self._made(replace(whole, speed=speed, messages=(*whole.messages, *others)))
-        good = np.isfinite(raw.speed) & ~spikes
-        count = int(np.sum(good))
-        if count < records.MIN_SAMPLES:
-            problem, remedy = f"has {count} samples", f"give {records.MIN_SAMPLES} at least"
-            raise InputError(problem, remedy, file=self.file)
-        made = FlowSamples(raw.time[good] - raw.time[good][0], raw.speed[good])
-        length = made.time[-1]
-        first = f"{Path(self.file).name}: {count} samples over {span_words(length)}"
-        if count < good.size:
-            first += f", {good.size - count} missing or left out"
+        good = raw.at(np.flatnonzero(np.isfinite(raw.speed) & ~spikes))
+        records.check_order(good)  # whether enough are left
+        made = FlowSamples(good.time - good.time[0], good.speed)
+        length, missing = made.time[-1], raw.time.size - made.time.size
+        first = f"{Path(self.file).name}: {made.time.size} samples over {span_words(length)}"
+        if missing:
+            first += f", {missing} missing or left out"
         if np.any(made.gaps):
             share = f"{100.0 * np.sum(made.gaps) / length:.2g} % of the time"
             first += f"; gaps are {share}, the longest {span_words(np.max(made.gaps))}"
