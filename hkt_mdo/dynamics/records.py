@@ -320,18 +320,17 @@ def _even(raw: Columns, options: RecordInflow, spikes: np.ndarray) -> Columns:
         problem = f"is {miss[uneven[0]]:.3g} s off an even spacing of {step:.6g} s"
         remedy = "give uneven: resample to interpolate at even times"
         raise raw.refuse(problem, remedy, uneven[0], 0)
+    time, notes = raw.time, []
     if uneven.size:
-        step = float(np.median(np.diff(raw.time)))
-        count = int(raw.time[-1] / step * (1.0 + 1e-12)) + 1
+        step = float(np.median(np.diff(time)))
+        count = int(time[-1] / step * (1.0 + 1e-12)) + 1
+        off = f"samples were up to {np.max(miss):.3g} s off even times"
+        notes.append(f"resampled every {step:.6g} s: {off}")
     longest = _longest_gap(raw, options, step, uneven.size > 0)
     if count > MAX_ROWS:
         problem = f"has {count:,} even samples, and {MAX_ROWS:,} are the most"
         raise InputError(problem, "choose a part of it by start and duration", file=raw.file)
-    time, notes = raw.time, []
-    if uneven.size:
-        off = f"samples were up to {np.max(miss):.3g} s off even times"
-        notes.append(f"resampled every {step:.6g} s: {off}")
-    else:
+    if not uneven.size:
         time = step * index
         if np.max(miss) > 1e-3 * step:
             share = f"{100.0 * np.max(miss) / step:.2g} % of a step off"
