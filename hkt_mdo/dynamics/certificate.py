@@ -126,13 +126,12 @@ class Certificate:
 
     def _multiplier(self, braking, most):
         """Return the multiplier with the least bound in steady flow, and the speed there."""
-        power = self.power
         low, high = np.full(SPEEDS, 1e-3), np.full(SPEEDS, 2.0 * most)
         rows = np.arange(SPEEDS)
         for _ in range(BISECTIONS + 1):
             theta = np.minimum(0.5 * (low + high), most)
-            best = np.argmax(braking + theta[:, None] * (power - braking), axis=1)
-            rising = power[best] > braking[rows, best]
+            best = np.argmax(braking + theta[:, None] * (self.power - braking), axis=1)
+            rising = self.power[best] > braking[rows, best]
             low, high = np.where(rising, low, theta), np.where(rising, theta, high)
         return theta, self.rotor_speed[rows, best]
 

@@ -302,7 +302,7 @@ TIDAL_HOURS = {
 class TidalConstituent(Section):
     """A constituent of the tide."""
 
-    name: Literal["M2", "S2", "N2", "K2", "K1", "O1", "P1", "Q1", "M4", "MS4", "M6"] | None = None
+    name: Literal[(*TIDAL_HOURS,)] | None = None
     """Name of the constituent, which determines its period."""
     period: Annotated[float, Quantity("s", gt=0)] | None = None
     """Period, in place of a name."""

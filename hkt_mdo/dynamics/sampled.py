@@ -55,7 +55,7 @@ class TurbulentInflow(SampledInflow):
 
     profile: Literal["turbulence"] = "turbulence"
     """The kind of flow."""
-    spectrum: Literal["von_karman", "kaimal"] = "von_karman"
+    spectrum: Literal[(*SPECTRA,)] = "von_karman"
     """Spectrum S(f) of the longitudinal velocity, n = f L/V: `von_karman`, S = 4 s^2 (L/V) / (1 +
     70.8 n^2)^(5/6); `kaimal`, S = 4 s^2 (L/V) / (1 + 6 n)^(5/3) (IEC 61400-1)."""
     mean: Annotated[float, Quantity("m/s", gt=0)] = 1.5
