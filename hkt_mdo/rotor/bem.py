@@ -28,14 +28,14 @@ from hkt_mdo.compiled import compiled
 
 PHI_MIN = 1e-6  # rad, CCBlade's distance from the singular points phi = 0 and pi
 
-# Samples are dense near phi = 0, where rotors operate, and sparse beyond 90 degrees.
-_SAMPLES = np.concatenate(
-    (
-        PHI_MIN + (0.5 * np.pi - PHI_MIN) * np.linspace(0.0, 1.0, 56) ** 1.5,
-        np.linspace(0.5 * np.pi, np.pi - PHI_MIN, 25)[1:],
-    )
-)
-_NEGATIVE_SAMPLES = -PHI_MIN - (0.5 * np.pi - PHI_MIN) * np.linspace(0.0, 1.0, 33) ** 1.5
+
+def _up_to_right_angle(count):
+    """Return inflow angles up to 90 degrees, dense near phi = 0, where rotors operate."""
+    return PHI_MIN + (0.5 * np.pi - PHI_MIN) * np.linspace(0.0, 1.0, count) ** 1.5
+
+
+_SAMPLES = np.append(_up_to_right_angle(56), np.linspace(0.5 * np.pi, np.pi - PHI_MIN, 25)[1:])
+_NEGATIVE_SAMPLES = -_up_to_right_angle(33)
 
 STEP = 1e-40  # of derivatives by complex step: nothing is subtracted
 FINEST = 0.004  # rad, about the spacing of a polar's knots: no interval is divided further
@@ -455,15 +455,9 @@ def _solve(
 def _arguments(blade, polar, tip_speed_ratio):
     """Return a blade and its polars as `_solve` takes them, from r to mixture."""
     curves, first = polar.curves(blade.r.size, "coefficients")
-    return (
-        *(np.ascontiguousarray(x, dtype=float) for x in (blade.r, blade.chord, blade.twist)),
-        float(blade.hub_radius),
-        float(blade.tip_radius),
-        int(blade.blade_count),
-        curves,
-        first,
-        polar.weights(blade, tip_speed_ratio),
-    )
+    shape = (np.ascontiguousarray(x, dtype=float) for x in (blade.r, blade.chord, blade.twist))
+    ends = float(blade.hub_radius), float(blade.tip_radius), int(blade.blade_count)
+    return *shape, *ends, curves, first, polar.weights(blade, tip_speed_ratio)
 
 
 def sections(blade, polar, tip_speed_ratio, derivatives=False):
@@ -670,12 +664,8 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False, flow=No
     if flow is None:
         flow = sections(blade, polar, points, derivatives)
     if missing := np.count_nonzero(flow.relative_speed == 0.0):
-        warnings.warn(
-            f"no root at {missing} of {flow.relative_speed.size} sections: their loads are set to "
-            "zero",
-            RuntimeWarning,
-            stacklevel=2,
-        )
+        text = f"no root at {missing} of {flow.relative_speed.size} sections"
+        warnings.warn(f"{text}: their loads are set to zero", RuntimeWarning, stacklevel=2)
     weights = torque_weights(blade)
     torque = weights @ flow.tangential_load.T
     thrust = (weights * blade.rotor_radius / blade.r) @ flow.normal_load.T
