@@ -104,9 +104,5 @@ class Blade:
         if rotor_radius == self.rotor_radius:
             return self
         factor = rotor_radius / self.rotor_radius
-        return replace(
-            self,
-            r=self.r * factor,
-            hub_radius=self.hub_radius * factor,
-            tip_radius=self.tip_radius * factor,
-        )
+        radii = ("r", "hub_radius", "tip_radius")
+        return replace(self, **{name: getattr(self, name) * factor for name in radii})
