@@ -94,9 +94,8 @@ class PowerLawFeedback(_TwoGains):
 
     def fit(self, speed, torque):
         logarithm, torque = np.log(speed), _positive(torque)
-        if self.exponent is not None or np.ptp(logarithm) < 1e-6:
-            exponent = 2.0 if self.exponent is None else self.exponent
-        else:
+        exponent = 2.0 if self.exponent is None else self.exponent
+        if self.exponent is None and np.ptp(logarithm) >= 1e-6:
             exponent = np.polyfit(logarithm, np.log(torque), 1)[0]
         gain = np.exp(np.mean(np.log(torque) - exponent * logarithm))
         return np.array([gain, exponent][: len(self.gain_units)])
@@ -136,9 +135,8 @@ class RatedFeedback(_TwoGains):
     def fit(self, speed, torque):
         most = np.max(torque * speed)
         power = most if self.power is None else self.power
-        below = torque * speed < 0.98 * min(power, most)
-        if self.torque_limit is not None:
-            below &= torque < 0.98 * self.torque_limit
+        limit = self.torque_limit or np.inf
+        below = (torque * speed < 0.98 * min(power, most)) & (torque < 0.98 * limit)
         if not below.any():
             below = np.ones(speed.size, dtype=bool)
         # the median: other limits than the power's may make some of the torques small
