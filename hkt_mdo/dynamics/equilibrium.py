@@ -9,7 +9,7 @@ from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.torque_curve import last_fall
 
 GRID = 241  # range of the tip speed ratio that is searched for equilibria
-HIGHEST = 12.0, 96.0  # of them, at first and at last
+HIGHEST = 12.0, 24.0, 48.0, 96.0  # of them, tried until no rotor is driven there
 STEPS, BALANCED = 40, 1e-9  # of Newton's method at most; what is left over the size of its terms
 FARTHEST, REACH = 0.2, 10.0  # of the speed in a step, and of all values, over the largest
 MOVE = 1e-5  # share of the speed for differences
@@ -51,15 +51,13 @@ def equilibria(
         speed = ratio * flow / plant.blade.rotor_radius
         return plant.generator_torque(speed, flow) - law.torque(speed, gains)
 
-    highest, last = HIGHEST
-    while True:
+    for highest in HIGHEST:
         ratios = np.linspace(SLOWEST_RATIO, highest, GRID)
         speeds = np.outer(unit, ratios)
         braking = law.torque(speeds, gains) + plant.generator.friction(speeds)
         driving = _driving(plant, flow, ratios) >= braking
-        if not np.any(driving[:, -1]) or highest >= last:
+        if not np.any(driving[:, -1]):
             break
-        highest *= 2.0
     ratio, running = last_fall(net, ratios, driving, flow)
     return np.where(running, ratio, SLOWEST_RATIO) * unit, running, np.empty((0, flow.size))
 
