@@ -241,10 +241,9 @@ class Resource(Inflow):
         speed, share = self.occurrence()
         runs = way * speed >= 0.0
         idle, speed, share = float(np.sum(share[~runs])), np.abs(speed[runs]), share[runs]
-        if self.own_bins:
-            mean, time = in_bins(np.round(speed, 9), share, SAME)  # one bin of equal speeds
-        else:
-            mean, time = in_bins(speed, share, self.bin_width)
+        # bins of its own: one of equal speeds
+        rounded, width = (np.round(speed, 9), SAME) if self.own_bins else (speed, self.bin_width)
+        mean, time = in_bins(rounded, share, width)
         finer = None if self.own_bins or self.turbulence_intensity else (speed, share)
         speeds = Speeds(mean, time, np.arange(mean.size), mean, time, idle, finer)
         speeds = speeds.turbulent(self.turbulence_intensity)
