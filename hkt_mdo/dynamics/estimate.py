@@ -29,10 +29,10 @@ class FlowEstimate:
         ratio = np.concatenate((np.arange(SLOWEST_RATIO, 4.0, 0.02), np.arange(4.0, 20.0, 0.01)))
         share = self.plant.coefficient(ratio) / ratio**2
         best = int(np.argmax(share * ratio**3))
-        rising = np.flatnonzero(np.diff(share) >= 0.0)
-        first, last = np.searchsorted(rising, best) + np.array([-1, 0])
-        begin = rising[first] + 1 if first >= 0 else 0
-        falling = slice(begin, rising[last] + 1 if last < rising.size else None)
+        # where a part begins in which it falls, and behind the last
+        begins = np.flatnonzero(np.concatenate(([True], np.diff(share) >= 0.0, [True])))
+        after = np.searchsorted(begins, best, side="right")
+        falling = slice(begins[after - 1], begins[after])
         return PchipInterpolator(share[falling][::-1], ratio[falling][::-1])
 
     def __call__(self, speed, torque, acceleration):
