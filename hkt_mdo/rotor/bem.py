@@ -456,8 +456,8 @@ def _arguments(blade, polar, tip_speed_ratio):
     """Return a blade and its polars as `_solve` takes them, from r to mixture."""
     curves, first = polar.curves(blade.r.size, "coefficients")
     shape = (np.ascontiguousarray(x, dtype=float) for x in (blade.r, blade.chord, blade.twist))
-    ends = float(blade.hub_radius), float(blade.tip_radius), int(blade.blade_count)
-    return *shape, *ends, curves, first, polar.weights(blade, tip_speed_ratio)
+    sizes = float(blade.hub_radius), float(blade.tip_radius), int(blade.blade_count)
+    return *shape, *sizes, curves, first, polar.weights(blade, tip_speed_ratio)
 
 
 def sections(blade, polar, tip_speed_ratio, derivatives=False):
