@@ -175,9 +175,9 @@ class SweepTable:
         return values if values.dtype.kind == "f" else np.full(self.columns["state"].size, np.nan)
 
     @property
-    def maximize(self) -> bool:
-        """Whether the objective is to be large."""
-        return "smaller" not in self.columns.get("better", ())
+    def merit(self) -> np.ndarray:
+        """The objective, or less it where it is to be small: a larger one is better, (n_runs,)."""
+        return -self.objective if "smaller" in self.columns.get("better", ()) else self.objective
 
     def shown(self, name: str) -> tuple[np.ndarray, str]:
         """Return a column of numbers as people read it, shape (n_runs,), and its label.
@@ -243,8 +243,7 @@ class SweepTable:
         ndarray of int
             By rising cost; with a better objective each.
         """
-        cost = self.columns[self.cost]
-        gain = self.objective if self.maximize else -self.objective
+        cost, gain = self.columns[self.cost], self.merit
         runs = np.flatnonzero(self.verified & np.isfinite(cost))
         order = runs[np.lexsort((-gain[runs], cost[runs]))]
         best = np.maximum.accumulate(np.r_[-np.inf, gain[order]])

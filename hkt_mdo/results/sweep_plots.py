@@ -42,7 +42,7 @@ def _map(table: SweepTable) -> Panel:
     """
     (x, across), (y, up) = map(table.shown, table.numeric[:2])
     (objective, label), links = table.shown("objective"), table.pages
-    order = np.argsort(table.objective if table.maximize else -table.objective)
+    order = np.argsort(table.merit)
     good, failed = order[table.verified[order]], np.flatnonzero(~table.verified)
     curves = [
         Curve(
