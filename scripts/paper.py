@@ -31,7 +31,7 @@ from hkt_mdo.results.folder import write_json
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.batch import run_batch
 from hkt_mdo.run.engine import in_processes
-from hkt_mdo.studies.uncertainty import flow_named, noisy_runs
+from hkt_mdo.studies.uncertainty import flow_given, noisy_runs
 
 
 def reproduce(
@@ -82,7 +82,7 @@ def reproduce(
     limited = solutions["sine_limited_oloc"]
     kept = with_blade(limited.case, limited.summary.chord_m, limited.summary.twist_deg, "fixed")
     solutions |= run({
-        f"redesigned_{flow}": kept.model_copy(update={"inflow": flow_named(flow, kept.inflow)})
+        f"redesigned_{flow}": kept.model_copy(update={"inflow": flow_given(flow, kept)})
         for flow in FLOWS
     })  # fmt: skip
     return write_report(solutions, _ensembles(out, repeats, seed, jobs, report), out, report)
@@ -119,7 +119,7 @@ def _ensembles(out, repeats, seed, jobs, report):
 def _one_ensemble(source, flow, sensor, repeats, seed):
     """Simulate a design in a flow, without noise where no sensor is given."""
     design = Solution.load(source).design()
-    inflow = flow_named(flow, design.physics.inflow)
+    inflow = flow_given(flow, design.physics.case)
     if sensor is None:
         run = design.simulate(inflow)
         energy = run.energy if run.stopped_at is None else None

@@ -262,13 +262,20 @@ def flow_given(text: str, case: Case, seed: int | None = None) -> Inflow:
     Raises
     ------
     InputError
-        If the flow is not valid, has no seed where one is given, ends before the time span of the
-        case, stands still or turns back.
+        If there is no such name, or the flow that it would change is no sine; if the flow is not
+        valid, has no seed where one is given, ends before the time span of the case, stands still
+        or turns back.
     """
     if text.lstrip().startswith("{"):
         inflow = case.with_overrides(f"inflow={text}").inflow
+    elif text not in PAPER_FLOWS:
+        remedy = "choose design, A, B, C or give an inflow section"
+        raise InputError("unknown", remedy, key=f"--flow {text}")
+    elif PAPER_FLOWS[text] and case.inflow.profile != "sine":
+        problem = f"changes a sine, but the case's flow is {case.inflow.profile}"
+        raise InputError(problem, "give an inflow section", key=f"--flow {text}")
     else:
-        inflow = flow_named(text, case.inflow)
+        inflow = case.inflow.model_copy(update=PAPER_FLOWS[text])
     if seed is not None:
         if inflow.reseeded(1) == inflow:
             remedy = "give a turbulent --flow, or leave --flow-seeds out"
@@ -283,32 +290,3 @@ def flow_given(text: str, case: Case, seed: int | None = None) -> Inflow:
         problem = error.problem if error.value is None else f"{error.value:.6g} s {error.problem}"
         raise InputError(problem, "give another flow", key="--flow", value=text) from None
     return inflow
-
-
-def flow_named(name: str, inflow: Inflow) -> Inflow:
-    """Return a sinusoidal flow as the paper changes it.
-
-    Parameters
-    ----------
-    name : str
-        One of `PAPER_FLOWS`.
-    inflow : Inflow
-        The flow that is changed.
-
-    Returns
-    -------
-    Inflow
-        The flow of that name.
-
-    Raises
-    ------
-    InputError
-        If there is no such name, or the flow that it would change is no sine.
-    """
-    if name not in PAPER_FLOWS:
-        remedy = "choose design, A, B, C or give an inflow section"
-        raise InputError("unknown", remedy, key=f"--flow {name}")
-    if PAPER_FLOWS[name] and inflow.profile != "sine":
-        problem = f"changes a sine, but the case's flow is {inflow.profile}"
-        raise InputError(problem, "give an inflow section", key=f"--flow {name}")
-    return inflow.model_copy(update=PAPER_FLOWS[name])

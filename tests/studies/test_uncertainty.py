@@ -10,7 +10,7 @@ from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.studies.uncertainty import Sensor, _advanced, flow_named, noisy_runs
+from hkt_mdo.studies.uncertainty import Sensor, _advanced, flow_given, noisy_runs
 from studies.robust_study import replace_turbine
 from studies.verification.study import _fly
 
@@ -28,16 +28,13 @@ def lasting(design, seconds):
     return replace(design, physics=replace(design.physics, case=case))
 
 
-def paper_flow(design, name):
-    return flow_named(name, design.physics.inflow)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "cutoff"), [("quadratic", 100.0), ("tracking", None)])
 def test_a_fast_quiet_sensor_is_no_sensor(name, cutoff, request):
     """Without noise and with a filter far above the flow's frequency, the loop is ideal."""
     design = lasting(request.getfixturevalue(name), 12)
-    flow, sensor = paper_flow(design, "A"), Sensor(snr=np.inf, rate=400.0, cutoff=cutoff)
+    flow = flow_given("A", design.physics.case)
+    sensor = Sensor(snr=np.inf, rate=400.0, cutoff=cutoff)
     noisy = noisy_runs(design, flow, sensor, repeats=1, seed=0)
     assert noisy.noise_deviation == 0.0
     assert noisy.energy[0] == pytest.approx(design.simulate(flow).energy, rel=1e-5)
@@ -55,7 +52,7 @@ def test_the_studies_fly_designs_of_open_loop_and_by_a_table(quadratic, open_loo
 @pytest.mark.slow
 def test_a_law_with_states_is_sampled_too(tracking):
     """A held torque makes the loop unstable where kp T / J > 2."""
-    flow = paper_flow(tracking, "B")
+    flow = flow_given("B", tracking.physics.case)
     sampled = noisy_runs(tracking, flow, Sensor(np.inf, rate=100.0, cutoff=None), 1, 0)
     assert tracking.gains[-2] / tracking.plant.inertia / 100.0 < 1.5
     assert sampled.energy[0] == pytest.approx(tracking.simulate(flow).energy, rel=1e-3)
@@ -70,7 +67,7 @@ def test_the_flow_is_estimated_from_speeds_and_torques_that_were_read(tracking):
     """At fast samples as well as an exact sensor tells it; noise of the speed reaches it, too."""
     law = tracking.law.model_copy(update={"flow": "estimated"})
     estimating = replace(tracking, physics=replace(tracking.physics, law=law))
-    flow, sensor = paper_flow(tracking, "B"), Sensor(np.inf, rate=500.0, cutoff=None)
+    flow, sensor = flow_given("B", tracking.physics.case), Sensor(np.inf, rate=500.0, cutoff=None)
     exact = estimating.simulate(flow)
     assert exact.energy == pytest.approx(tracking.simulate(flow).energy, rel=1e-6)
     quiet = noisy_runs(estimating, flow, sensor, 1, 0).energy[0]
@@ -126,18 +123,19 @@ def test_stalled_repeats_are_counted_apart(quadratic):
 
 def test_replayed_open_loop_stops_in_flows_b_and_c_but_not_in_a(open_loop):
     """The paper's finding: torque that fits one flow stalls the rotor in a slower one."""
-    assert open_loop.simulate(paper_flow(open_loop, "A")).stopped_at is None
+    assert open_loop.simulate(flow_given("A", open_loop.physics.case)).stopped_at is None
     for name in ("B", "C"):
-        assert open_loop.simulate(paper_flow(open_loop, name)).stopped_at is not None
+        assert open_loop.simulate(flow_given(name, open_loop.physics.case)).stopped_at is not None
 
 
 def test_wrong_questions_are_refused(quadratic, open_loop):
     with pytest.raises(InputError, match="reads no sensor"):
         noisy_runs(open_loop, open_loop.physics.inflow, Sensor(), 1, 0)
+    case = quadratic.solution.case.with_overrides("inflow={profile: constant, speed: 1.3}")
     with pytest.raises(InputError, match=r"^--flow A: changes a sine, .* is constant; give"):
-        flow_named("A", ConstantInflow(speed=1.3))
+        flow_given("A", case)
     with pytest.raises(InputError, match="unknown"):
-        flow_named("D", quadratic.solution.case.inflow)
+        flow_given("D", case)
 
 
 def test_a_law_of_constant_power_stalls_under_noise_too(quadratic):
