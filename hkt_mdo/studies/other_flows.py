@@ -174,7 +174,7 @@ class Run:
         if self.start:
             lines = [*self.began.lines()]
         else:
-            lines = self.in_year or self.memory or [f"without noise: {self.outcome}"]
+            lines = self._outcomes()
             lines[0] += f"; limits: {self.verdicts}" if with_limits else ""
             lines += self._with_noise(*self.noise) if self.noise else []
         return [joined(self.name, lines[0]), *lines[1:]]
@@ -293,31 +293,15 @@ class Run:
         fast = self.simulation.speed_at(time) > RUN_AWAY * most
         return float(time[np.argmax(fast)]) if np.any(fast) else None
 
-    @property
-    def in_year(self) -> list[str]:
-        """The results of a resource in a year, as lines of text; none of another flow.
-
-        Returns
-        -------
-        list of str
-            Energy, capacity factor and hours of operation.
-        """
-        return [*map(str, year.entry(self.parts, {}).rows())] if self.inflow.steady else []
-
-    @property
-    def memory(self) -> list[str]:
-        """What the wake's memory changes, as lines of text; none without.
-
-        Returns
-        -------
-        list of str
-            Energy and speeds with and without memory.
-        """
-        if self.without is None:
-            return []
-        tau1 = self.design.plant.wake.tau1
-        how = "tau1 by the induction" if tau1 is None else f"tau1 = {tau1:g} s"
-        runs = {f"with dynamic inflow ({how})": self, "without memory": self.without}
+    def _outcomes(self) -> list[str]:
+        """Return the results of a year, or of a course over time with and without memory."""
+        if self.inflow.steady:
+            return [*map(str, year.entry(self.parts, {}).rows())]
+        runs = {"without noise": self}
+        if self.without is not None:
+            tau1 = self.design.plant.wake.tau1
+            how = "tau1 by the induction" if tau1 is None else f"tau1 = {tau1:g} s"
+            runs = {f"with dynamic inflow ({how})": self, "without memory": self.without}
         return [f"{word}: {run.outcome}" for word, run in runs.items()]
 
     @property
