@@ -36,10 +36,9 @@ _SET = (
 )
 Overrides = Annotated[list[str] | None, Option("--set", metavar="SECTION.KEY=VALUE", help=_SET)]
 Force = Annotated[bool, Option("--force", help="Replace existing files.")]
-_JSON = "Print JSON, in SI units, in place of the table; messages go to standard error."
-_CSV = "Print CSV, in SI units, in place of the table; messages go to standard error."
-Json = Annotated[bool, Option("--json", help=_JSON)]
-AsCsv = Annotated[bool, Option("--csv", help=_CSV)]
+_FORM = "Print {}, in SI units, in place of the table; messages go to standard error."
+Json = Annotated[bool, Option("--json", help=_FORM.format("JSON"))]
+AsCsv = Annotated[bool, Option("--csv", help=_FORM.format("CSV"))]
 _OUT = Option("--out", metavar="DIR", help="Folder to write to; created if needed.")
 Folder = Annotated[Path, _OUT]
 OutFolder = Annotated[Path | None, _OUT]
@@ -91,24 +90,18 @@ def print_tables(tables: dict[str, list[Row]], as_json: bool = False, as_csv: bo
     if one_form(as_json, as_csv):
         print_records(plain_rows(tables.items(), "part"), as_json)
         return
-    for title, rows in tables.items():
-        if rows:
-            _print_table(rows, title)
-
-
-def _print_table(rows: list[Row], title: str) -> None:
-    """Print rows below a title, a line each where it is no terminal; brackets are no markup."""
-    cells = [(row.label or "-", row.text) for row in rows]
-    console, wide = Console(highlight=False), max((len(label) for label, _ in cells), default=0)
-    if not console.is_terminal:
-        echo("\n".join([f"\n{title}", *(f" {x:<{wide}}  {y}" for x, y in cells)]))
-        return
-    table = Table(box=None, show_header=False, pad_edge=True, padding=(0, 1))
-    for (label, text), row in zip(cells, rows, strict=True):
-        style = _STYLES.get(row.severity, "")
-        table.add_row(Text(label, style or "cyan", no_wrap=True), Text(text, style))
-    console.print(Text(f"\n{title}", style="bold"))
-    console.print(table)
+    console = Console(highlight=False)
+    for title, rows in ((title, rows) for title, rows in tables.items() if rows):
+        cells = [(row.label or "-", row.text, _STYLES.get(row.severity, "")) for row in rows]
+        if not console.is_terminal:  # a line each
+            wide = max(len(label) for label, *_ in cells)
+            echo("\n".join([f"\n{title}", *(f" {x:<{wide}}  {y}" for x, y, _ in cells)]))
+            continue
+        table = Table(box=None, show_header=False, pad_edge=True, padding=(0, 1))
+        for label, text, style in cells:  # brackets in a text are no markup
+            table.add_row(Text(label, style or "cyan", no_wrap=True), Text(text, style))
+        console.print(Text(f"\n{title}", style="bold"))
+        console.print(table)
 
 
 def one_form(as_json: bool, as_csv: bool) -> bool:
