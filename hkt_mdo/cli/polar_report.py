@@ -147,8 +147,7 @@ def _csv(polars: Sequence[ComputedPolar], remark: str) -> str:
     rows: list[list[str]] = []
     for table, confidence in polars:
         coefficients = table.lift, table.drag, table.moment, *np.asarray(table.smallest_pressure)
-        columns = np.rad2deg(table.alpha), *coefficients, confidence
-        values = np.column_stack(columns)
+        values = np.column_stack((np.rad2deg(table.alpha), *coefficients, confidence))
         rows += [[*(f"{x:.6f}" for x in row), f"{table.reynolds:.10g}"] for row in values]
     names = "alpha_deg", "cl", "cd", "cm", *SURFACES, "confidence", "reynolds"
     return csv_text(names, rows, [remark])

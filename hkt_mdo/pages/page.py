@@ -14,7 +14,7 @@ from hkt_mdo.case import Case
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import file_state, write_files, write_new
-from hkt_mdo.pages import plotly_script, rendered
+from hkt_mdo.pages import panels, plotly_script, rendered
 from hkt_mdo.results.charts import Labelled, labelled
 from hkt_mdo.results.nesting import ranked, remarks
 from hkt_mdo.results.solution import Solution
@@ -83,7 +83,6 @@ def write_sweep_report(
     InputError
         If a package is missing, or a file cannot be written.
     """
-    from hkt_mdo.pages.panels import stacked
     from hkt_mdo.results.sweep_plots import sweep_charts
 
     script = plotly_script()
@@ -96,7 +95,7 @@ def write_sweep_report(
             write_report([solution], page, shared="../../plotly.js")
             tell(f"{number} of {len(runs)}: {page}")
     drawn = sweep_charts(table)
-    charts = {x: stacked([drawn[x]], 300) if x in drawn else None for x in ("front", "map")}
+    charts = {x: panels.stacked([drawn[x]], 300) if x in drawn else None for x in ("front", "map")}
     rows = zip(table.pages, runs, table.columns["message"], table.verified, strict=True)
     failed = [(link, run or "no run", message) for link, run, message, good in rows if not good]
     share = f"{len(runs) - len(failed)} of {len(runs)} runs"
@@ -114,7 +113,7 @@ def write_sweep_report(
 
 def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
     """Return the page as HTML."""
-    from hkt_mdo.pages import blade, panels
+    from hkt_mdo.pages import blade
 
     order, behind = ranked(solutions)
     results = labelled(order)
