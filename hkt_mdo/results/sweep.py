@@ -52,19 +52,18 @@ def row_of(solution: Solution) -> Row:
         Values by the names of their columns; energies are those of the integration.
     """
     summary, case = solution.summary, solution.case
-    row: Row = {
+    gains = np.atleast_1d([] if summary.gain is None else summary.gain)
+    return {
         "state": VERIFIED if solution.success else REFUSED,
         "objective": None if summary.objective is None else summary.objective.simulated,
         "objective_unit": case.objective.unit,
         "better": "larger" if case.objective.maximize else "smaller",
         **{name: getattr(summary, name) for name in _MERITS},
+        **{column_of(name, load.unit): load.value for name, load in (summary.loads or {}).items()},
+        **{f"gain_{number}": float(gain) for number, gain in enumerate(gains)},
+        "binding": " ".join(x for x, entry in (summary.limits or {}).items() if entry.binding),
+        "message": "" if solution.success else solution.message,
     }
-    for name, load in (summary.loads or {}).items():
-        row[column_of(name, load.unit)] = load.value
-    gains = np.atleast_1d([] if summary.gain is None else summary.gain)
-    row |= {f"gain_{number}": float(gain) for number, gain in enumerate(gains)}
-    row["binding"] = " ".join(x for x, entry in (summary.limits or {}).items() if entry.binding)
-    return row | {"message": "" if solution.success else solution.message}
 
 
 def write_table(folder: Path, sweep: Sweep, rows: Sequence[Row]) -> None:
