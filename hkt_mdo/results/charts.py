@@ -510,6 +510,8 @@ FIGURES: dict[str, tuple[Callable[[Results], list[Panel]], float, float]] = {
     "convergence": (convergence, 6.2, 2.7),
 }
 """By the name of a figure: its panels, its width and a panel's height (inches)."""
+OF_WHOLE, OF_ONE = ("blade", "coefficients", "convergence"), ("operation", "limits", "year")
+"""Figures of the whole result, and those of one scenario each; the others have a line for each."""
 
 
 def figure_of(solutions: Solutions, name: str, scenario: str = "") -> Figure | None:
@@ -523,7 +525,7 @@ def figure_of(solutions: Solutions, name: str, scenario: str = "") -> Figure | N
     title = ": ".join(filter(None, (joined(first, scenario), name.replace("_", " "))))
     if scenario:
         results = of_scenario(results, scenario)
-    elif name not in ("blade", "coefficients", "convergence"):  # which are of the whole result
+    elif name not in OF_WHOLE:
         results = by_scenario(results)
     panels = make(results)
     has_data = any(panel.curves for panel in panels)
@@ -560,18 +562,16 @@ def figures(solutions: Solutions, names: Sequence[str] = ()) -> Figures:
     InputError
         If there is no figure of a name.
     """
-    drawn: dict[str, Figure | None] = {}
-    chosen = [solutions] if isinstance(solutions, Solution) else solutions
+    drawn, chosen = Figures(), [solutions] if isinstance(solutions, Solution) else solutions
+    several = any(len(solution.scenarios) > 1 for solution in chosen)
+    scenarios = dict.fromkeys(name for solution in chosen for name in solution.scenarios)
     for name in names or FIGURES:
         if name not in FIGURES:
             raise InputError("unknown figure", f"known: {', '.join(FIGURES)}", value=name)
-        of_one = name in ("operation", "limits", "year")  # a figure of one scenario each
-        if of_one and any(len(solution.scenarios) > 1 for solution in chosen):
-            for one in dict.fromkeys(name for solution in chosen for name in solution.scenarios):
-                drawn[f"{name}_{one}"] = figure_of(chosen, name, one)
-        else:
-            drawn[name] = figure_of(chosen, name)
-    return Figures({name: figure for name, figure in drawn.items() if figure})
+        for one in scenarios if several and name in OF_ONE else ("",):
+            if figure := figure_of(chosen, name, one):
+                drawn["_".join(filter(None, (name, one)))] = figure
+    return drawn
 
 
 # ---- polars, for `hkt check` and `hkt polar`
