@@ -527,9 +527,8 @@ def figure_of(solutions: Solutions, name: str, scenario: str = "") -> Figure | N
         results = of_scenario(results, scenario)
     elif name not in OF_WHOLE:
         results = by_scenario(results)
-    panels = make(results)
-    has_data = any(panel.curves for panel in panels)
-    return style.figure_of_panels(panels, width, height, title) if has_data else None
+    panels = [panel for panel in make(results) if panel.curves]
+    return style.figure_of_panels(panels, width, height, title) if panels else None
 
 
 class Figures(dict[str, Figure]):
@@ -562,14 +561,13 @@ def figures(solutions: Solutions, names: Sequence[str] = ()) -> Figures:
     InputError
         If there is no figure of a name.
     """
-    drawn, chosen = Figures(), [solutions] if isinstance(solutions, Solution) else solutions
-    several = any(len(solution.scenarios) > 1 for solution in chosen)
-    scenarios = dict.fromkeys(name for solution in chosen for name in solution.scenarios)
+    drawn, names_of = Figures(), [each.solution.scenarios for each in labelled(solutions)]
+    several, scenarios = any(len(x) > 1 for x in names_of), dict.fromkeys(chain(*names_of))
     for name in names or FIGURES:
         if name not in FIGURES:
             raise InputError("unknown figure", f"known: {', '.join(FIGURES)}", value=name)
         for one in scenarios if several and name in OF_ONE else ("",):
-            if figure := figure_of(chosen, name, one):
+            if figure := figure_of(solutions, name, one):
                 drawn["_".join(filter(None, (name, one)))] = figure
     return drawn
 
