@@ -313,8 +313,9 @@ class Run:
         dict of float or None
             ``energy`` (captured), ``generator_energy`` and ``electrical_energy``.
         """
-        runs, names = [part.simulation for part in self.parts], INTEGRALS
-        return {x: None if runs[0].stopped_at else sum(getattr(y, x) for y in runs) for x in names}
+        runs = [part.simulation for part in self.parts]
+        running = runs[0].stopped_at is None
+        return {x: sum(getattr(y, x) for y in runs) if running else None for x in INTEGRALS}
 
     @property
     def outcome(self) -> str:
