@@ -11,8 +11,6 @@ from typing import Literal
 
 import yaml
 
-from hkt_mdo.errors import did_you_mean
-
 
 @dataclass(frozen=True)
 class Described:
@@ -124,19 +122,3 @@ def column_of(name: str, unit: str | None) -> str:
         Name and unit, such as ``rotor_speed_rad_s``.
     """
     return f"{name}_{unit.replace('*', '').replace('/', '_')}" if unit else name
-
-
-def nearest(name: str) -> str:
-    """Return a remedy for an unknown name.
-
-    Parameters
-    ----------
-    name : str
-        A name that is not in the registry.
-
-    Returns
-    -------
-    str
-        The nearest name, if one is near, and all of them.
-    """
-    return f"{did_you_mean(name, QUANTITIES)}known: {', '.join(QUANTITIES)}"

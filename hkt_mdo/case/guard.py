@@ -102,10 +102,8 @@ def _guard(method: Callable, name: str, file: str, key: str) -> Callable:
         except InputError:
             raise
         except (Exception, SystemExit) as error:
-            lines = [at.lineno for at in extract_tb(error.__traceback__) if at.filename == file]
-            line = f" in line {lines[-1]}" if lines else ""
             remedy = _remedy(error) if any(map(np.iscomplexobj, arguments)) else CORRECT
-            problem = f"raises {one_line(error)}{line}"
+            problem = " in ".join(filter(None, (f"raises {one_line(error)}", line_of(error, file))))
             raise InputError(problem, remedy, file=file, key=key) from error
         problem, remedy, shape = "", CORRECT, _shape(self, name, args, quantities)
         if shape is not None and not (result is None and name in MAY_BE_NONE):
@@ -173,6 +171,14 @@ def _remedy(error: Exception) -> str:
 def one_line(error: BaseException) -> str:
     """Return an error's class and text, on one line of limited length."""
     return f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+
+
+def line_of(error: BaseException, file: str) -> str:
+    """Return the last line of a file that led to an error, as messages have it; empty if none."""
+    lines = [at.lineno for at in extract_tb(error.__traceback__) if at.filename == file]
+    if not lines and isinstance(error, SyntaxError):  # the file itself is no Python
+        lines = [error.lineno]
+    return f"line {lines[-1]}" if lines else ""
 
 
 def _shape(kind: Any, name: str, args: tuple, quantities: dict) -> tuple | None:

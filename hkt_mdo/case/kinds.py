@@ -18,15 +18,13 @@ from hashlib import sha256
 from importlib import metadata
 from itertools import chain
 from pathlib import Path
-from traceback import extract_tb
 from types import FunctionType, ModuleType
 from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field, create_model
 
-from hkt_mdo import quantities
-from hkt_mdo.case.guard import guard, one_line
+from hkt_mdo.case.guard import guard, line_of, one_line
 from hkt_mdo.dynamics.aggregates import Aggregate
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.formulas import Formula
@@ -34,7 +32,8 @@ from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.dynamics.limits import DistanceFromStall, ForwardRotation, Limit, TableEnd, TorqueLimit
 from hkt_mdo.dynamics.objectives import Objective
 from hkt_mdo.dynamics.resource import DurationCurve
-from hkt_mdo.errors import InputError, show
+from hkt_mdo.errors import InputError, did_you_mean, show
+from hkt_mdo.quantities import OVER_TIME, QUANTITIES
 from hkt_mdo.sections import Quantity, Section, is_unit, kind_name, parts_of
 
 ENTRY_POINTS = "hkt_mdo.extensions"
@@ -116,7 +115,7 @@ def _flaws_of_law(kind: Any) -> Iterator[tuple[str, str]]:
         if getattr(kind, method) is not getattr(FeedbackLaw, method):
             yield f"has its own {method}, which follows from demand", f"leave {method} out"
     states = kind.states if isinstance(kind.states, dict) else {}
-    if isinstance(kind.states, tuple | list) or states.keys() & quantities.QUANTITIES:
+    if isinstance(kind.states, tuple | list) or states.keys() & QUANTITIES:
         yield f"has the states {show(kind.states)}", "write a dict, by names that no quantity has"
     for state, meta in states.items():
         if not (np.shape(meta) == (2,) and (meta[0] is None or is_unit(meta[0]))):
@@ -153,7 +152,7 @@ def _flaws_of_units(kind: Any) -> Iterator[tuple[str, str]]:
             if unit != other:
                 yield f"has {key} in {unit}, and {name} = {other}", "give both the same unit"
     if issubclass(kind, Limit) and kind.value is Formula.value and isinstance(kind.inputs, tuple):
-        input_unit = quantities.QUANTITIES[kind.inputs[0]].unit
+        input_unit = QUANTITIES[kind.inputs[0]].unit
         if (kind.unit or None) != input_unit:
             problem = f"has the unit {kind.unit}, and {kind.inputs[0]} is in {input_unit}"
             yield problem, f"write unit = {input_unit!r}, or a method value that converts it"
@@ -166,14 +165,15 @@ def _flaws_of_formula(kind: Any) -> Iterator[tuple[str, str]]:
         problem = "names no inputs: the quantities that it is a formula of"
         yield problem, 'write inputs: ClassVar[tuple[str, ...]] = ("rotor_speed",), or others'
     for name in inputs:
-        if name not in quantities.QUANTITIES:
-            yield f"takes the unknown quantity {name}", quantities.nearest(name)
+        if name not in QUANTITIES:
+            remedy = f"{did_you_mean(name, QUANTITIES)}known: {', '.join(QUANTITIES)}"
+            yield f"takes the unknown quantity {name}", remedy
     own_value = kind.value is not Formula.value
     if issubclass(kind, Objective):
         if kind.rate is Objective.rate and not own_value:
             remedy = "write one of them as in docs/dev/architecture.md"
             yield "has neither a rate over time nor a value of the design", remedy
-        if own_value and {*inputs} & {*quantities.OVER_TIME}:
+        if own_value and {*inputs} & {*OVER_TIME}:
             problem = "has a value of the design, but takes a quantity over time"
             yield problem, "write a rate instead, which is integrated"
     elif not own_value and len(inputs) > 1:
@@ -255,10 +255,7 @@ def _load(path: Path) -> ModuleType:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         del sys.modules[name]
-        frames = extract_tb(error.__traceback__)
-        lines = [frame.lineno for frame in frames if frame.filename == str(path)]
-        line = error.lineno if isinstance(error, SyntaxError) else [None, *lines][-1]
-        key, problem = f"line {line}" if line else "", f"cannot be run: {one_line(error)}"
+        key, problem = line_of(error, str(path)), f"cannot be run: {one_line(error)}"
         raise InputError(problem, "correct the extension", file=path, key=key) from error
     return module
 
