@@ -51,11 +51,6 @@ class SteadyScenario(Scenario):
             speeds = _without_time(Scenario(inflow, mesh).resolved())
         return cls(speeds.curve(mesh.duration), mesh, resource=inflow, bins=speeds, **others)
 
-    @property
-    def sampled(self) -> bool:  # type: ignore[override]
-        """Whether its speeds stand for a flow over time."""
-        return self.bins is None
-
     def __post_init__(self):
         object.__setattr__(self, "edges", np.array(self.inflow.ends))
         limits = tuple(x for x in self.limits if not x.series.keys() <= {*RATES})

@@ -66,8 +66,6 @@ class Scenario:
 
     steady: ClassVar[bool] = False
     """Whether it has no time: speeds of the flow, at each of which the rotor is in equilibrium."""
-    sampled: ClassVar[bool] = False
-    """Whether it has no time, and its speeds stand for a flow over time."""
 
     @property
     def group(self) -> str:
@@ -92,11 +90,6 @@ class Scenario:
     def within(self, share: np.ndarray) -> np.ndarray:
         """Return times, s, at shares (0 to 1) of the length of every segment, one after another."""
         return (self.edges[:-1, None] + np.diff(self.edges)[:, None] * share).ravel()
-
-    @property
-    def closed(self) -> bool:
-        """Whether the rotor has to end at its first speed."""
-        return self.mesh.final_speed == "initial" and not self.steady
 
     def when(self, time: float) -> str:
         """Return the words for a place in it, where `time` (s) is."""

@@ -131,7 +131,7 @@ def optimized(
     ipopt = drivers.near_start(BARRIER / count) | ({"max_soc": 0} if open_loop else {})
     driver = drivers.make_driver("casadi", "IPOPT", TOLERANCE, most, ipopt=ipopt, progress=progress)
     # a year does not pass a jump between its flows, and beside it nodes help
-    share = KEPT if any(each.sampled for each in physics.scenarios) else np.inf
+    share = KEPT if any(each.steady and each.bins is None for each in physics.scenarios) else np.inf
     setup = Setup(point, curve_nodes(physics, point, share), near=not free, slowed=slowed)
     problem = assemble(physics, setup, driver)
     given_up = False
