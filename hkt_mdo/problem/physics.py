@@ -144,7 +144,7 @@ def physics(case: Case) -> Physics:
     case.generator.check(turbine.blade.rotor_radius, slowest, fastest)
     case = _with_chord_bounds(case, turbine.blade)
     shape = _shape(case, turbine)
-    scenarios, notes = [], []
+    scenarios, notes = [], [message for scenario in whole for message in scenario.messages]
     for scenario in whole:
         parts, messages = in_operation(scenario, control.cut_out, 2.0 * turbine.blade.rotor_radius)
         scenarios += parts
@@ -159,22 +159,20 @@ def physics(case: Case) -> Physics:
         notes += [f"{limit.key} {text}" for limit in case.all_limits if limit.is_of(RATES)]
     refuse_slow(scenarios, control)
     refuse_contradictions(case, shape, mean, fastest)
-    flows = {message: None for scenario in whole for message in scenario.messages}
-    messages = (*turbine.messages, *flows, *dict.fromkeys(notes), *redundant_limits(case, shape))
+    messages = (*turbine.messages, *dict.fromkeys(notes), *redundant_limits(case, shape))
     limit = control.torque_limit
     most = MOST_TORQUE * float(torque_scale(case.fluid.density, shape.radii[1], fastest))
     if limit is not None and limit > most:
         text = f"control.torque_limit = {limit:g} N m is out of reach of any blade in this flow"
         messages += (f"{text}, at most {most:.3g} N m: it counts as none",)
         control = control.model_copy(update={"torque_limit": None})
-    groups = dict.fromkeys(scenario.group for scenario in scenarios)
-    limits = {x: _limits_over_time(case.of_scenario(x), shape, control) for x in groups}
+    limits = [_limits_over_time(case.of_scenario(x.group), shape, control) for x in scenarios]
     made = Physics(
         case,
         shape,
         _rotors(case, turbine, shape, scenarios),
         turbine,
-        tuple(replace(scenario, limits=limits[scenario.group]) for scenario in scenarios),
+        tuple(replace(x, limits=held) for x, held in zip(scenarios, limits, strict=True)),
         control,
         _design_limits(case, shape),
         case.objective,
