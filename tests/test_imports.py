@@ -16,7 +16,7 @@ ALLOWED = {
     "compiled": set(),
     "errors": set(),
     "files": {"errors", "sections"},
-    "quantities": {"errors"},
+    "quantities": set(),
     "sections": {"errors"},
     "messages": {"errors", "files", "sections"},
     "solve": {"compiled", "errors"},
