@@ -83,7 +83,8 @@ class Axis(Section):
             remedy = "write {from: 1 m, to: 2 m, count: 5}, or a list of values"
             raise refusal("must be a list or a range of numbers", remedy) from None
         if unit != other or not math.isfinite(low + high):
-            raise refusal("has ends of two units", "give both ends in one unit")
+            problem = "has ends of two units, or an infinite one"
+            raise refusal(problem, "give both ends in one unit, as numbers")
         return low, high, unit
 
     def at(self, share: float) -> Any:
