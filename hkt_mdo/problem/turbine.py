@@ -258,10 +258,13 @@ def _at_stations(table: BladeTable, r: np.ndarray) -> BladeTable:
 
 def _sections(rotor, table, named) -> tuple[list[_Section], tuple[str, ...], tuple]:
     """Return the one section of the blade, or that of every station; messages; and the blends."""
+    missing = sorted({name for pair in table.section or () for name in pair[:2]} - set(named))
+    if rotor.sections and missing:
+        problem = f"names the section {missing[0]}, which rotor.sections does not have"
+        remedy = f"give it there; known: {', '.join(named)}"
+        raise InputError(problem, remedy, file=rotor.blade)
     if len(named) == 1:
         (section,) = named.values()
-        if rotor.sections and table.section:
-            _pairs(rotor, table, named)  # which refuses a station of another one
         sections, notes = _of_thickness(rotor, table.thickness, section)
         return sections, notes, ((section.called, section.called, 0.0),) * len(sections)
     pairs, messages = _pairs(rotor, table, named)
@@ -473,11 +476,6 @@ def _mixed(inner: _Section, outer: _Section, share: float) -> _Section:
 def _pairs(rotor, table, named):
     """Return the two sections that each station lies between, and the share of the second."""
     if table.section is not None:
-        missing = sorted({name for pair in table.section for name in pair[:2]} - set(named))
-        if missing:
-            problem = f"names the section {missing[0]}, which rotor.sections does not have"
-            remedy = f"give it there; known: {', '.join(named)}"
-            raise InputError(problem, remedy, file=rotor.blade)
         return table.section, ()
     if table.thickness is None:
         problem = f"has neither thickness nor section of its rows, but there are {len(named)}"
