@@ -83,8 +83,14 @@ class PowerLawFeedback(_TwoGains):
     second: ClassVar[str] = "exponent"
     both_units: ClassVar[tuple[str | None, ...]] = ("N*m", None)
 
+    @property
+    def simpler(self):  # type: ignore[override]
+        """Of constant power, near which there is an optimum of its own under a limit of it."""
+        return self.model_copy(update={"exponent": -1.0}) if self.exponent is None else None
+
     def contains(self, other):
-        power = {"linear": 1.0, "quadratic": 2.0}.get(other.law)
+        powers = {"linear": 1.0, "quadratic": 2.0, self.law: getattr(other, "exponent", None)}
+        power = powers.get(other.law)
         if power is None or self.exponent not in (None, power):
             return super().contains(other)
         return all(getattr(self, name) == getattr(other, name) for name in _OF_EVERY_LAW)

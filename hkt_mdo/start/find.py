@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from hkt_mdo.dynamics.equilibrium import at_rest
-from hkt_mdo.dynamics.laws import OpenLoop
+from hkt_mdo.dynamics.laws import Law, OpenLoop
 from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.problem.evaluation import excesses, objective_at, on_start, split
 from hkt_mdo.problem.model import Physics
@@ -31,6 +31,7 @@ BEST = "best blade"
 # names, and tip speed ratios over that of the best blade
 FASTER, SLOWER = ("best blade of a faster rotor", 1.5), ("best blade of a slower rotor", 0.75)
 CONSTANT, FITTED = "solid blade at a constant torque", "law fitted to open loop"
+SPECIAL = "optimum of a special case of the law"
 # share of its speed that a rotor may lose in the search. With one gain and limits that is made with
 # `SLOWED`, too, since the paths lead to other optima: of `make verify PART=turbines` with
 # `quadratic` turbine 29 loses 27 % without this one, turbine 11 0.08 % without the other
@@ -86,8 +87,8 @@ def find_start(
         *results, case_design = designs
         tried = physics.law.is_feedback and (has_branches(physics) or case_design.gains is not None)
         candidates = [*best_blades(physics, optimum), *(designs if tried else results)]
-        simpler = physics.law.simpler is not None and limits_power(physics)
-        if simpler and all(candidate.gains is None for candidate in candidates):
+        approached = search.simpler is not None and not physics.law.contains(search.simpler)
+        if approached and all(candidate.gains is None for candidate in candidates):
             points = [search.of_simpler_law(candidates)]
         else:
             points = search.optima(candidates)
@@ -185,6 +186,11 @@ class Search:
         # slower than at its best speed a rotor stalls if its torque follows from the speed
         return tuple(BRANCHES)[: 1 if self.physics.law.is_static else None]
 
+    @cached_property
+    def simpler(self) -> Law | None:
+        """A simpler law under a limit of the power, from whose optimum the case's law begins."""
+        return self.physics.law.simpler if limits_power(self.physics) else None
+
     @property
     def _one_gain(self) -> bool:
         """Whether the law has one gain, with which a rotor has several optima under limits."""
@@ -195,9 +201,9 @@ class Search:
         """Return the best optimum of each branch over the whole flow, the best first.
 
         A law of one gain is optimized from every blade. One of several gains, or with states, can
-        nearly follow an open loop, and is optimized from each of these, from those that tie as
-        well (3.7 % of `power_law` in the sine with 5 kW). On a second branch the flow is stalled,
-        which makes optimizations long: one blade is enough.
+        nearly follow an open loop, and is optimized from each of these; so is one from the optimum
+        of a simpler law that it contains (3.7 % of `power_law` in the sine with 5 kW). On a second
+        branch the flow is stalled, which makes optimizations long: one blade is enough.
         """
         law, ends = self.physics.law, []
         follows = bool(law.states) or len(law.gain_units) > 1
@@ -213,6 +219,14 @@ class Search:
                     # verify PART=turbines` with `rated`
                     guide = begin
                 ends.append(self._optimum(self._fitted(replace(guide, strategy=FITTED), None)))
+        if self.simpler is not None and law.contains(self.simpler):
+            begin = self._optimum_of_simpler_law(candidates[:1])
+            speed = begin.operation.rotor_speed
+            gains = law.fit(speed, self.simpler.demand(speed, begin.gains))
+            operation = self._quasi_steady(begin.blade, self.steady).operate(gains)
+            if operation.running:
+                begin = replace(begin, strategy=SPECIAL, gains=gains, operation=operation)
+                ends.append(self._optimum(begin))
         # last, since rivals end it: its curve may have 1,700 nodes (`two_flows`)
         ends += map(self._optimum, self._at_constant_torque())
         ends.sort(key=MERIT, reverse=True)
@@ -232,10 +246,9 @@ class Search:
         It begins with the simpler law's operation, or with its own where it differs from that law
         by more torque than accelerates the rotor (4 knots on a given blade, 5 kW: not converged).
         """
-        law, simpler = self.physics.law, self.physics.law.simpler
-        begin = replace(self, physics=replace(self.physics, law=simpler)).optima(candidates)[0]
+        law, simpler = self.physics.law, self.simpler
+        begin = self._optimum_of_simpler_law(candidates)
         physics = replace(self.steady, law=simpler, scenarios=self.physics.scenarios)
-        begin = replace(begin, strategy=f"law fitted to {simpler.law}")
         end, *_ = optimized(physics, begin, free=True)
         self._noted(simpler.law, end)
         # in equilibrium a heavy rotor has a wider range of speeds
@@ -246,6 +259,11 @@ class Search:
         missed, moving = (np.sum(np.abs(x - simpler.torque(speed, end.gains))) for x in others)
         own = problem.operate(gains) if missed > moving else end.operation
         return replace(end, gains=gains, operation=own if own.running else end.operation)
+
+    def _optimum_of_simpler_law(self, candidates: Sequence[Candidate]) -> StartingPoint:
+        """Return the best optimum without time under the simpler law, in the whole flow."""
+        search = replace(self, physics=replace(self.physics, law=self.simpler))
+        return replace(search.optima(candidates)[0], strategy=f"law fitted to {self.simpler.law}")
 
     def _rank(self, end: StartingPoint) -> tuple[bool, float]:
         """Return the merit of a branch; overspeed is better where they are even.

@@ -39,11 +39,14 @@ def test_without_limits_the_best_power_of_the_speed_is_the_second():
 
 @pytest.mark.slow
 def test_laws_with_constant_power_keep_a_limit_of_the_power_nearly_for_nothing():
-    """K w^2 loses eight per cent: its power goes with the cube of the speed; K w^n over one."""
+    """K w^2 loses eight per cent: its power goes with the cube of the speed; K w^n, K/w, over one.
+
+    From the exponents of the open loops, about -0.4, it comes to an optimum that loses five.
+    """
     knots = (("law", "curve"), ("knots", 4))
     assert below("rated", "{power: 5 kW}", 700.0) < 5e-4
     assert below(knots, "{power: 5 kW}", 700.0) < 1e-3
-    assert below("power_law", "{power: 5 kW}", 700.0) > 0.01
+    assert 0.01 < below("power_law", "{power: 5 kW}", 700.0) < 0.015
 
 
 @pytest.mark.slow
