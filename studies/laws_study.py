@@ -66,8 +66,8 @@ limits (*kept*). Energies are captured, by integrations with direct BEM; 'all' i
 other laws do not: what more they capture is left in the rotor; the last table has delivered
 energies. 'Refused' marks a run that its checks refused: with a blade kept, open loop keeps the
 limits and the law does not. A case that allows a better result of another one is run again from
-that design: with 5 kW `tracking` ends 0.4 % lower by itself, verified, since on the better branch,
-that of slow rotors, its torque jumps (`--set start.branch=underspeed` finds the better optimum).
+that design: with 5 kW `tracking` ends 0.4 % lower by itself, since its torque jumps on the better
+branch (`--set start.branch=underspeed`).
 
 Under a limit of the power, choose a law that changes to constant power by overspeed, `rated` or
 `curve`. Static laws lose most where open loop slows the rotor to keep a limit (underspeed), as it
