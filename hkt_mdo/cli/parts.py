@@ -91,7 +91,7 @@ def print_tables(tables: dict[str, list[Row]], as_json: bool = False, as_csv: bo
         print_records(plain_rows(tables.items(), "part"), as_json)
         return
     console = Console(highlight=False)
-    for title, rows in ((title, rows) for title, rows in tables.items() if rows):
+    for title, rows in [table for table in tables.items() if table[1]]:
         cells = [(row.label or "-", row.text, _STYLES.get(row.severity, "")) for row in rows]
         if not console.is_terminal:  # a line each
             wide = max(len(label) for label, *_ in cells)

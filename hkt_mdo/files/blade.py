@@ -135,8 +135,8 @@ def _read_csv(text: str, file: Path) -> BladeTable:
         if "" in section:
             line, remedy = table.rows[section.index("")][0], "name the section of every row or none"
             raise line_error(file, line, "names no section", remedy, "column section")
-    told = {"messages": tuple(messages), "doubts": doubts, "file": str(file)}
-    return BladeTable(**rows, **told, relative=relative, section=section)
+    remarks = {"messages": tuple(messages), "doubts": doubts, "file": str(file)}
+    return BladeTable(**rows, **remarks, relative=relative, section=section)
 
 
 def write_blade_csv(path: Path, blade, thickness: np.ndarray, remarks: Iterable[str]) -> None:

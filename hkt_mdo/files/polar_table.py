@@ -136,10 +136,10 @@ def polar_table(
     remedy = "correct the row" + ends * (not np.any(drag.values))
     drag.refuse(drag.values <= 0.0, "drag must be positive", remedy)
     remedy = "give the coefficient as a plain number, not in counts or percent"
-    for largest, column in zip(LARGEST.values(), (lift, drag, moment), strict=True):
+    for name, column in (("lift", lift), ("drag", drag), ("moment", moment)):
         if column is not None:
-            problem = f"is beyond {largest:g}, which no section has"
-            column.refuse(np.abs(column.values) > largest, problem, remedy)
+            problem = f"is beyond {LARGEST[name]:g}, which no section has"
+            column.refuse(np.abs(column.values) > LARGEST[name], problem, remedy)
     below, above = np.interp([-ATTACHED, ATTACHED], degrees, lift.values)
     problem = f"falls from -{ATTACHED:g} to {ATTACHED:g} degrees, where the lift of sections rises"
     falls = (np.abs(degrees) < ATTACHED) & (above < below - LEAST_FALL)

@@ -415,9 +415,9 @@ def parse_rows(
                 seconds, wrong = None, _NO_DATE if isinstance(error, ValueError) else _MIXED_ZONES
         number = np.nan if speed.lower() in _MISSING else parse_number(speed)
         if seconds is None or number is None:
-            at, value, told = (0, time, wrong) if seconds is None else (1, speed, _NO_SPEED)
+            at, value, problem = (0, time, wrong) if seconds is None else (1, speed, _NO_SPEED)
             key = f"{where} {line}, {column_key(names[at])}"
-            raise InputError(*told, file=file, key=key, value=value)
+            raise InputError(*problem, file=file, key=key, value=value)
         lines.append(line)
         times.append(seconds)
         speeds.append(number)

@@ -124,8 +124,8 @@ class Pass(Task):
             meshes = [each.scenarios[0].mesh for each in (self.physics, physics)]
             # objectives of polynomials of different orders are no series
             coarser = (*coarser, self.result.objective) if meshes[0] == meshes[1] else ()
-        task = Task(self.start, physics or self.physics, setup)
-        return replace(task, why=why, passes=passes, coarser=coarser)
+        physics = physics or self.physics
+        return Task(self.start, physics, setup, why=why, passes=passes, coarser=coarser)
 
     def entry(self, seconds: float, following: Task | None) -> PassEntry:
         """Return the report of this optimization, which took some seconds, and of what follows."""

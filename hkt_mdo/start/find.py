@@ -201,8 +201,8 @@ class Search:
         """Return the best optimum of each branch over the whole flow, the best first.
 
         A law of one gain is optimized from every blade. One of several gains, or with states, can
-        nearly follow an open loop, and is optimized from each of these; so is one from the optimum
-        of a simpler law that it contains (3.7 % of `power_law` in the sine with 5 kW). On a second
+        nearly follow an open loop, and is optimized from each of these, and from the optimum of a
+        simpler law that it contains (3.7 % of `power_law` in the sine with 5 kW). On a second
         branch the flow is stalled, which makes optimizations long: one blade is enough.
         """
         law, ends = self.physics.law, []
@@ -253,7 +253,7 @@ class Search:
         self._noted(simpler.law, end)
         # in equilibrium a heavy rotor has a wider range of speeds
         speed = np.concatenate([x.operation.rotor_speed for x in (begin, end)])
-        gains = self.physics.bounded(law.fit(speed, simpler.demand(speed, end.gains)))
+        gains = law.fit(speed, simpler.demand(speed, end.gains))
         problem, speed = self._quasi_steady(end.blade), end.operation.rotor_speed
         others = law.torque(speed, gains), problem.generator_torque(speed)
         missed, moving = (np.sum(np.abs(x - simpler.torque(speed, end.gains))) for x in others)
