@@ -45,14 +45,14 @@ class Solved(Checked):
 
 
 def _solve(
-    data: dict, change: Callable[[Physics], Physics] = lambda world: world, *extensions: type
+    data: dict, change: Callable[[Physics], Physics] = lambda model: model, *extensions: type
 ) -> Solved:
-    world = change(physics(load_case(data, extensions=[GeneratorEnergy, *extensions])))
+    model = change(physics(load_case(data, extensions=[GeneratorEnergy, *extensions])))
     with threadpool_limits(1), tempfile.TemporaryDirectory() as folder:
-        state = RunState(world, Path(folder), False)
-        start = find_start(world)
-        end = optimize(state, replace(start, reference=objective_at(world, start)))
-    return Solved(end.start, end.result, end.verifications, world, state.passes)
+        state = RunState(model, Path(folder), False)
+        start = find_start(model)
+        end = optimize(state, replace(start, reference=objective_at(model, start)))
+    return Solved(end.start, end.result, end.verifications, model, state.passes)
 
 
 @pytest.fixture(scope="session")

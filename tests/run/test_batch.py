@@ -41,39 +41,39 @@ def batch(tmp_path_factory):
         folder / "second": case("control.torque_limit=600"),
         folder / "own": case("limits={tip_acceleration: 100}", extensions=[EXTENSION]),
     }
-    told = {}
-    return folder, cases, run_batch(cases, 1, told.__setitem__, records=False), told
+    messages = {}
+    return folder, cases, run_batch(cases, 1, messages.__setitem__, records=False), messages
 
 
 def test_every_case_is_run_and_reported(batch):
-    folder, cases, found, told = batch
-    assert list(found) == list(cases)
-    assert found[folder / "broken"] is None
-    assert "flow.csv" in told.pop(folder / "broken")
-    assert told == {folder / name: "ok" for name in ("first", "second", "own")}
+    folder, cases, solutions, messages = batch
+    assert list(solutions) == list(cases)
+    assert solutions[folder / "broken"] is None
+    assert "flow.csv" in messages.pop(folder / "broken")
+    assert messages == {folder / name: "ok" for name in ("first", "second", "own")}
     for name in ("first", "second", "own"):
-        assert found[folder / name].success
-        assert found[folder / name].folder == folder / name
+        assert solutions[folder / name].success
+        assert solutions[folder / name].folder == folder / name
         assert not (folder / name / "history.db").exists()
-    assert found[folder / "second"].case.control.torque_limit == 600.0
+    assert solutions[folder / "second"].case.control.torque_limit == 600.0
 
 
 @pytest.mark.slow
 def test_a_finished_result_is_reused_and_a_changed_case_is_run_again(batch):
-    folder, cases, found, _ = batch
+    folder, cases, solutions, _ = batch
     first = (folder / "first" / "summary.json").read_bytes()
     changed = {
         folder / "first": cases[folder / "first"],
         folder / "own": cases[folder / "own"],
         folder / "second": case("control.torque_limit=500"),
     }
-    told = {}
-    again = run_batch(changed, 1, told.__setitem__, records=False)
+    messages = {}
+    again = run_batch(changed, 1, messages.__setitem__, records=False)
     words = {"first": "reused", "own": "reused", "second": "ok"}
-    assert told == {folder / name: word for name, word in words.items()}
+    assert messages == {folder / name: word for name, word in words.items()}
     assert again[folder / "own"].case.limits.tip_acceleration.bound == 100.0
     assert (folder / "first" / "summary.json").read_bytes() == first
-    before, after = (each[folder / "second"].summary for each in (found, again))
+    before, after = (each[folder / "second"].summary for each in (solutions, again))
     assert after.control_torque_max_Nm <= 500.0 * (1.0 + 1e-6)
     assert after.simulated_energy_J < before.simulated_energy_J
 
@@ -108,14 +108,14 @@ def test_another_summary_is_not_finished(finished, change):
 
 def test_bounds_that_a_run_takes_from_its_blade_are_no_change(tmp_path):
     """A run writes the bounds of the chord that a case does not give."""
-    given = load_case({"rotor": {"blade": "river"}, "inflow": "sine", "control": "quadratic"})
-    written = physics(given).case
-    assert given.design.chord_bounds is None
+    original = load_case({"rotor": {"blade": "river"}, "inflow": "sine", "control": "quadratic"})
+    written = physics(original).case
+    assert original.design.chord_bounds is None
     assert written.design.chord_bounds is not None
     (tmp_path / "case.yaml").write_text(written.to_yaml(), encoding="utf-8")
-    assert begun(tmp_path, given)
-    bounds = given.design.model_copy(update={"chord_bounds": (0.05, 0.3)})
-    assert not begun(tmp_path, given.model_copy(update={"design": bounds}))
+    assert begun(tmp_path, original)
+    bounds = original.design.model_copy(update={"chord_bounds": (0.05, 0.3)})
+    assert not begun(tmp_path, original.model_copy(update={"design": bounds}))
 
 
 def test_a_changed_file_is_not_reused(tmp_path):
@@ -123,10 +123,10 @@ def test_a_changed_file_is_not_reused(tmp_path):
     times = "\n".join(f"{0.1 * i:.1f},{1.5 + 0.01 * (i % 20)}" for i in range(200))
     (tmp_path / "flow.csv").write_text(f"time_s,speed_m_s\n{times}\n", encoding="utf-8")
     (tmp_path / "own.py").write_bytes(EXTENSION.read_bytes())
-    given = f"inflow={{profile: record, file: {tmp_path / 'flow.csv'}}}"
-    one = case(given, extensions=[tmp_path / "own.py"])
+    inflow = f"inflow={{profile: record, file: {tmp_path / 'flow.csv'}}}"
+    one = case(inflow, extensions=[tmp_path / "own.py"])
     before = digest(one)
-    assert digest(case(given, extensions=[tmp_path / "own.py"])) == before != digest(case(given))
+    assert digest(case(inflow, extensions=[tmp_path / "own.py"])) == before != digest(case(inflow))
     for name in ("flow.csv", "own.py"):
         with (tmp_path / name).open("a", encoding="utf-8") as file:
             file.write("# changed\n")
@@ -139,11 +139,11 @@ def test_the_digest_covers_the_package(monkeypatch, tmp_path):
 
     (tmp_path / "bem.py").write_text("1")
     monkeypatch.setattr(module, "_PACKAGE", tmp_path)
-    found = []
+    digests = []
     for content in ("1", "2"):
         (tmp_path / "bem.py").write_text(content)
-        found.append(module.of_package.__wrapped__())
-    assert found[0] != found[1]
+        digests.append(module.of_package.__wrapped__())
+    assert digests[0] != digests[1]
 
 
 ENERGY = {"quadratic": 90.0, "power_law": 92.0, "open_loop": 95.0, "limited": 85.0}
@@ -166,21 +166,21 @@ def nested(tmp_path_factory):
         "designed": f"{flow}{open_loop}",
         "other_flow": f"{flow.replace('sine', 'step')}{kept}{open_loop}",
     }
-    found = {}
+    solutions = {}
     for name, text in cases.items():
         energy = 1e3 * ENERGY.get(name, 96.0)
         objective = {"kind": "captured", "value": energy, "simulated": energy}
         more = {"objective": objective, "generator_energy_J": energy, "loads": {}}
-        found[name] = made(folder / name, text, **more)
-    return found
+        solutions[name] = made(folder / name, text, **more)
+    return solutions
 
 
 def test_a_case_allows_what_asks_more_of_its_turbine(nested):
     allowed = {
-        own: {each for each in nested if each != own and allows(result, nested[each])}
-        for own, result in nested.items()
+        name: {each for each in nested if each != name and allows(result, nested[each])}
+        for name, result in nested.items()
     }
-    assert {own: others for own, others in allowed.items() if others} == {
+    assert {name: others for name, others in allowed.items() if others} == {
         "power_law": {"quadratic"},
         "open_loop": {"quadratic", "limited", "power_law"},
         "designed": {"quadratic", "limited", "power_law", "open_loop"},
@@ -196,10 +196,10 @@ def test_no_result_is_beaten_unless_it_is_worse_or_refused(nested):
     simulated = 0.99 * other.summary.objective.simulated
     objective = best.summary.objective.model_copy(update={"simulated": simulated})
     worse = best.summary.model_copy(update={"objective": objective})
-    (found,) = dominated([replace(best, summary=worse), other])
-    assert found.by is other
-    assert found.gain == pytest.approx(0.01)
+    (finding,) = dominated([replace(best, summary=worse), other])
+    assert finding.by is other
+    assert finding.gain == pytest.approx(0.01)
     refused = replace(best, summary=best.summary.model_copy(update={"success": False}))
-    (found,) = dominated([refused, other])
-    assert "was refused" in str(found)
-    assert str(other.folder) in str(found)
+    (finding,) = dominated([refused, other])
+    assert "was refused" in str(finding)
+    assert str(other.folder) in str(finding)

@@ -13,13 +13,13 @@ from hkt_mdo.run.summary import summarize
 SHORT = {"inflow": "sine", "control": "quadratic", "phase": {"duration": 8.0, "segments": 8}}
 
 
-def told(finished):
+def bound_rows(finished):
     """Return the rows about bounds, by their labels."""
     summary = summarize(finished)
     rows = texts(summary.rows(finished.physics.case))
-    found = {label: text for label, text in rows.items() if " at its " in label}
-    assert len(found) == len(summary.at_bounds)
-    return found
+    bounds = {label: text for label, text in rows.items() if " at its " in label}
+    assert len(bounds) == len(summary.at_bounds)
+    return bounds
 
 
 def test_a_larger_rotor_and_gain_would_capture_more(solve_physics):
@@ -30,8 +30,8 @@ def test_a_larger_rotor_and_gain_would_capture_more(solve_physics):
     radius = solved.result.point.blade.rotor_radius
     best = 500.0 * np.pi * radius**5 * peak.power_coefficient / peak.tip_speed_ratio**3
     assert best > 20.0
-    found = told(solved)
-    assert found == {"radius at its upper bound": "1.45 m", "gain at its upper bound": "10"}
+    bounds = bound_rows(solved)
+    assert bounds == {"radius at its upper bound": "1.45 m", "gain at its upper bound": "10"}
 
 
 @pytest.fixture(scope="module")
@@ -51,16 +51,16 @@ def of_shape(finished, chord, twist):
 def test_parts_of_the_blade_at_a_bound_are_reported(finished):
     stations = finished.result.point.blade.r / finished.result.point.blade.tip_radius
     inside, twist = np.full(9, 0.2), np.linspace(20.0, 0.0, 9)
-    assert told(of_shape(finished, inside, twist)) == {}
+    assert bound_rows(of_shape(finished, inside, twist)) == {}
     ends = [f"{stations[i]:.4g}" for i in range(9)]
     chord = np.array([0.4, 0.4, 0.399, 0.4, 0.4 - 1e-9, 0.4, 0.2, 0.05, 0.1])
-    assert told(of_shape(finished, chord, twist)) == {
+    assert bound_rows(of_shape(finished, chord, twist)) == {
         "chord at its upper bound": f"0.4 m, from r/R = {ends[0]} to {ends[1]} and "
         f"from r/R = {ends[3]} to {ends[5]}",
         "chord at its lower bound": f"50 mm, at r/R = {ends[7]}",
     }
     twist[-1] = -10.0
-    assert told(of_shape(finished, inside, twist)) == {
+    assert bound_rows(of_shape(finished, inside, twist)) == {
         "twist at its lower bound": f"-10 deg, at r/R = {ends[8]}"
     }
 

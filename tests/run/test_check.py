@@ -58,41 +58,41 @@ def test_torque_at_the_rated_speed_is_the_limit(reynolds: str) -> None:
     local = reynolds == "local"
     polar = ["rotor={polar: naca63815, reynolds: local}"] if local else []
     report = check("control.torque_limit=700", *polar)
-    found = report.findings
-    assert found.physics.rotor.polar.follows_reynolds == local
+    findings = report.findings
+    assert findings.physics.rotor.polar.follows_reynolds == local
     assert ("torque: at every node" in rows(report, "Optimization")) == local
-    speed, torque = found.at_best(found.rated_speed)
+    speed, torque = findings.at_best(findings.rated_speed)
     assert torque == pytest.approx(700.0, rel=1e-9)
     assert f"{torque * speed / 1e3:.4g} kW, at" in rows(report, "Starting blade")
 
 
 def test_time_constant_at_the_best_tip_speed_ratio() -> None:
     """There Cp' = 0, so dQ/dw = -Q/w: J w/Q for a torque held, and J w/(3 Q) for u = K w²."""
-    found = check().findings
-    speed, torque = found.at_best(found.mean)
-    held = found.plant.inertia * speed / torque
-    known = np.array([speed]), np.array([found.mean])
+    findings = check().findings
+    speed, torque = findings.at_best(findings.mean)
+    held = findings.plant.inertia * speed / torque
+    point = np.array([speed]), np.array([findings.mean])
     for slope, constant in ((0.0, held), (2.0 * torque / speed, held / 3.0)):
-        loop = Loop.of(found.plant, HeldSpeeds(slope), *known)
+        loop = Loop.of(findings.plant, HeldSpeeds(slope), *point)
         assert loop.time_constant == pytest.approx(constant, rel=5e-3)
 
 
 @pytest.mark.parametrize("law", ["quadratic", "linear"])
 def test_time_constant_by_simulation(law: str) -> None:
     """A rotor pushed off its equilibrium by a thousandth comes back as exp(-t/time constant)."""
-    found = check(f"control.law={law}", "control.torque_limit=900").findings
-    constant = found.time_constant
+    result = check(f"control.law={law}", "control.torque_limit=900").findings
+    constant = result.time_constant
 
     def control(_: float, speed: float) -> float:
-        return found.physics.law.torque(speed, found.start.gains)
+        return result.physics.law.torque(speed, result.start.gains)
 
     def moved(push: float):
-        flow, span = ConstantInflow(speed=found.mean), 2.0 * constant
-        begin = found.steady_speed * push
-        return simulate(found.plant, flow, control, begin, np.linspace(0.0, span, 41), None, 1e-12)
+        flow, span = ConstantInflow(speed=result.mean), 2.0 * constant
+        begin = result.steady_speed * push
+        return simulate(result.plant, flow, control, begin, np.linspace(0.0, span, 41), None, 1e-12)
 
     pushed, left = moved(1.001), moved(1.0)
-    assert left.rotor_speed[-1] == pytest.approx(found.steady_speed, rel=1e-6)
+    assert left.rotor_speed[-1] == pytest.approx(result.steady_speed, rel=1e-6)
     off = pushed.rotor_speed - left.rotor_speed
     rate = -np.polyfit(pushed.time, np.log(off), 1)[0]
     assert 1.0 / rate == pytest.approx(constant, rel=5e-3)
@@ -124,9 +124,9 @@ def test_spectrum_has_the_variance() -> None:
 
 
 def test_polars_of_another_reynolds_number_are_a_note() -> None:
-    for radius, told in ((5.0, True), (0.6, False)):
+    for radius, expected in ((5.0, True), (0.6, False)):
         notes = " ".join(map(str, check(f"rotor.radius={radius}").notes))
-        assert ("polars are those of Re 2e5" in notes) == told
+        assert ("polars are those of Re 2e5" in notes) == expected
 
 
 def test_a_wall_that_fills_the_section_is_a_note() -> None:
@@ -157,10 +157,10 @@ def table(name: str) -> list:
     return yaml.safe_load((DATA / f"{name}.yaml").read_text())
 
 
-@pytest.mark.parametrize(("overrides", "told"), table("warnings"))
-def test_warnings(overrides: list[str], told: str) -> None:
+@pytest.mark.parametrize(("overrides", "text"), table("warnings"))
+def test_warnings(overrides: list[str], text: str) -> None:
     report = check_case(read_case(BASE, overrides))
-    assert any(told in line for line in warnings(report)), warnings(report)
+    assert any(text in line for line in warnings(report)), warnings(report)
 
 
 @pytest.mark.parametrize(
@@ -169,15 +169,15 @@ def test_warnings(overrides: list[str], told: str) -> None:
 def test_a_table_that_leaves_out_the_torque_is_a_warning(first, last, covers) -> None:
     lines = [f"{torque},{speed},0.9" for torque in (first, last) for speed in (0, 200)]
     Path("t.csv").write_text("\n".join(["torque_Nm,speed_rpm,efficiency", *lines]))
-    told = warnings(check_case(read_case(BASE, ["generator.table=t.csv"])))
-    assert any("0.5902 to 1.009 kN m" in each for each in told) != covers
+    messages = warnings(check_case(read_case(BASE, ["generator.table=t.csv"])))
+    assert any("0.5902 to 1.009 kN m" in each for each in messages) != covers
 
 
-@pytest.mark.parametrize(("override", "told"), table("implausible"))
-def test_implausible_values_are_told(override: str, told: str) -> None:
+@pytest.mark.parametrize(("override", "text"), table("implausible"))
+def test_implausible_values_are_told(override: str, text: str) -> None:
     base = "{control: {law: quadratic}}" if "resource" in override else BASE
     (warning,) = physics(read_case(base, [override])).warnings
-    assert told in warning
+    assert text in warning
 
 
 @pytest.mark.parametrize(
@@ -197,22 +197,22 @@ def test_a_limit_next_to_zero_is_refused(key: str) -> None:
 @pytest.mark.parametrize("law", ["quadratic", "open_loop"])
 def test_a_torque_limit_out_of_reach_is_none(law: str) -> None:
     report = check(f"control={{law: {law}, torque_limit: 1e6}}")
-    told = " ".join(map(str, report.notes))
-    assert "torque_limit = 1e+06 N m is out of reach of any blade" in told
-    world = report.findings.physics
-    assert world.law.torque_limit is None
-    assert np.isinf(world.all_limits[0].upper)
-    assert world.case.control.torque_limit == 1e6
+    notes = " ".join(map(str, report.notes))
+    assert "torque_limit = 1e+06 N m is out of reach of any blade" in notes
+    model = report.findings.physics
+    assert model.law.torque_limit is None
+    assert np.isinf(model.all_limits[0].upper)
+    assert model.case.control.torque_limit == 1e6
 
 
 def test_a_mesh_that_does_not_resolve_the_flow_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     case = read_case(BASE, ["phase.segments=20", TURBULENCE])
     words = "flow_error = 0.0", "flow's speed missed between", "a shorter phase.duration"
-    told = " ".join(warnings(check_case(case)))
-    assert not any(each in told for each in words)
+    text = " ".join(warnings(check_case(case)))
+    assert not any(each in text for each in words)
     monkeypatch.setattr("hkt_mdo.problem.scenario.MOST_SEGMENTS", 20)
-    told = " ".join(warnings(check_case(case)))
-    assert all(each in told for each in words)
+    text = " ".join(warnings(check_case(case)))
+    assert all(each in text for each in words)
 
 
 def test_a_gust_of_seconds_in_a_season_is_reported() -> None:
@@ -238,34 +238,34 @@ def test_limits_and_loads_of_the_starting_blade() -> None:
     """Held to the quantities of the start: what is broken, what is kept, what is not limited."""
     limits = "limits={power: 5 kW, thrust: 20 kN, stress: 100 MPa, rotor_speed: 9 rad/s}"
     report = check(limits, "control.torque_limit=2000", "site.hub_depth=3")
-    world, start = report.findings.physics, report.findings.at_start["phase"]
-    told = texts(report.tables["Limits, and values of the starting blade"])
-    q = 0.5 * world.density * start["inflow_speed"] ** 2
+    model, start = report.findings.physics, report.findings.at_start["phase"]
+    entries = texts(report.tables["Limits, and values of the starting blade"])
+    q = 0.5 * model.density * start["inflow_speed"] ** 2
     blade, ratio = report.findings.start.blade, start["tip_speed_ratio"]
-    loads = {n: q * x.largest for n, x in world.rotor.loads(blade, ratio).items()}
+    loads = {n: q * x.largest for n, x in model.rotor.loads(blade, ratio).items()}
     over, left = loads["stress"].max() / 1e6 - 100.0, 20.0 - loads["thrust"].max() / 1e3
     slow = start["inflow_speed"][loads["stress"] > 1.001 * 100e6].min()
-    assert f"limit 100 MPa, exceeded by {over:.2f} %" in told["largest stress"]
+    assert f"limit 100 MPa, exceeded by {over:.2f} %" in entries["largest stress"]
     assert any(f"in flows from {slow:.4g} m/s: the run has to" in x for x in warnings(report))
-    assert f"limit 20 kN, margin {5.0 * left:.2f} %" in told["largest thrust"]
+    assert f"limit 20 kN, margin {5.0 * left:.2f} %" in entries["largest thrust"]
     left = 2.0 - start["control_torque"].max() / 1e3  # not the distance from zero
-    assert f"margin {50.0 * left:.2f} %" in told["largest generator torque"]
+    assert f"margin {50.0 * left:.2f} %" in entries["largest generator torque"]
     moment = loads["root_moment"]
     when = f"at t = {start['time'][np.argmax(moment)]:.2f} s"
-    assert told["largest root moment"] == f"{moment.max() / 1e3:.5g} kN m, {when}"
-    assert told["largest cavitation"].startswith(f"{loads['cavitation'].max():.5g}, at")
+    assert entries["largest root moment"] == f"{moment.max() / 1e3:.5g} kN m, {when}"
+    assert entries["largest cavitation"].startswith(f"{loads['cavitation'].max():.5g}, at")
     broken = [line.partition(": broken")[0] for line in warnings(report) if "broken at" in line]
     assert broken == ["limits.power", "limits.stress"]
 
 
 def test_loads_of_a_scenario_are_those_in_its_water() -> None:
-    found = check("scenarios=[{name: own}, {name: salt, density: 2000}]").findings.at_start
-    assert found["salt"]["thrust"] == pytest.approx(2.0 * found["own"]["thrust"])
+    starts = check("scenarios=[{name: own}, {name: salt, density: 2000}]").findings.at_start
+    assert starts["salt"]["thrust"] == pytest.approx(2.0 * starts["own"]["thrust"])
 
 
 def test_a_start_that_stalls_tells_its_branch_and_what_the_other_one_breaks() -> None:
-    told = rows(check("control.law=open_loop", "limits={thrust: 3 kN}"), "Starting blade")
-    assert "branch underspeed; overspeed breaks thrust by up to 13" in told
+    text = rows(check("control.law=open_loop", "limits={thrust: 3 kN}"), "Starting blade")
+    assert "branch underspeed; overspeed breaks thrust by up to 13" in text
 
 
 def test_bounds_that_leave_out_the_radius_of_a_file(tmp_path: Path) -> None:
@@ -275,8 +275,8 @@ def test_bounds_that_leave_out_the_radius_of_a_file(tmp_path: Path) -> None:
         "control: {law: open_loop}\ndesign: {radius_bounds: [2, 3]}\n"
     )
     report = check_case(load_case(tmp_path / "a.yaml"))
-    told = "design.radius_bounds: broken at the start, at least 2 and at most 3 m; 1.4 m with the"
-    assert told in " ".join(warnings(report))
+    text = "design.radius_bounds: broken at the start, at least 2 and at most 3 m; 1.4 m with the"
+    assert text in " ".join(warnings(report))
     assert "thick, thin" in rows(report, "Turbine")
     assert "polars for 1e6" in rows(report, "Turbine")
 

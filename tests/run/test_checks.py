@@ -74,9 +74,9 @@ def at_instant(solved):
 
 def with_node(solved, quantity, change):
     """Return a result with another value of a quantity at one node, in all that has it."""
-    trajectory, place = solved.verification.trajectory, at_instant(solved)
+    trajectory, index = solved.verification.trajectory, at_instant(solved)
     values = trajectory[quantity].copy()
-    values[place] = change(values[place])
+    values[index] = change(values[index])
     return with_flight(solved, trajectory={**trajectory, quantity: values})
 
 
@@ -295,9 +295,9 @@ def test_one_check_refuses(request, name, whose, doctor, value, words):
 def test_a_start_too_near_stall_is_no_measure(feedback, monkeypatch, short):
     monkeypatch.setattr("hkt_mdo.run.passes.recovery", lambda *_: [("", short, 0.2, "")])
     first, start = feedback.on_first_mesh, replace(feedback.start, reference=1e9)
-    about = {"state": SimpleNamespace(first=first), "result": feedback.result}
-    found = Pass(start, feedback.physics, feedback.result.setup, **about).end.start.reference
-    assert found == pytest.approx(0.0 if short else feedback.start.reference, rel=2e-3)
+    fields = {"state": SimpleNamespace(first=first), "result": feedback.result}
+    reference = Pass(start, feedback.physics, feedback.result.setup, **fields).end.start.reference
+    assert reference == pytest.approx(0.0 if short else feedback.start.reference, rel=2e-3)
 
 
 def test_a_standstill_is_told_before_the_optimizers_failure(feedback):
@@ -331,8 +331,8 @@ def test_a_law_far_behind_the_open_loop_of_its_own_search_is_refused(feedback):
         for factor, excess in ((1.5, 0.0), (3.0, 0.1))
     )
     kinds = CurveFeedback(torque_limit=700.0), PowerLawFeedback(torque_limit=700.0)
-    worlds = [replace(feedback.physics, law=law) for law in kinds]
-    curve, power = (with_result(feedback, physics=each) for each in worlds)
+    models = [replace(feedback.physics, law=law) for law in kinds]
+    curve, power = (with_result(feedback, physics=each) for each in models)
 
     def behind(solved, *starts):
         return [*_behind_open_loop(replace(solved, start=replace(solved.start, starts=starts)))]
@@ -411,44 +411,44 @@ def test_the_rate_of_the_torque_is_judged_at_and_between_the_nodes(request, whos
     ends = [largest, np.max(np.abs(solved.verification.at_nodes["torque_rate"]))]
     for bound, refused in ((1.01 * max(ends), []), (0.8 * min(ends), ["at", "between"])):
         limited = with_limit(solved, TorqueRateLimit(bound=bound))
-        assert limited.failed() == [f"torque_rate_{place}_nodes" for place in refused]
+        assert limited.failed() == [f"torque_rate_{kind}_nodes" for kind in refused]
 
 
 def test_a_failed_run_claims_only_what_was_tried(open_loop):
     """Without a proof that no design keeps the limits: how many starts, and the least violation."""
     start = replace(open_loop.start, starts=open_loop.start.starts[:1] * 11)
-    world = open_loop.on_first_mesh
+    model = open_loop.on_first_mesh
     checks = list(open_loop.by_name.values())
-    (steady,) = on_start(world, start)
+    (steady,) = on_start(model, start)
     steepest = np.max(np.abs(steady["torque_rate"]))
 
-    def told(bound, at_end):
-        scenario = replace(world.scenarios[0], limits=(TorqueRateLimit(bound=bound),))
+    def claim(bound, at_end):
+        scenario = replace(model.scenarios[0], limits=(TorqueRateLimit(bound=bound),))
         passed = at_end <= 1e-3
         ends = [
-            CheckEntry(name=f"torque_rate_{place}_nodes", value=at_end, limit=1e-3, passed=passed)
-            for place in ("at", "between")
+            CheckEntry(name=f"torque_rate_{kind}_nodes", value=at_end, limit=1e-3, passed=passed)
+            for kind in ("at", "between")
         ]
-        return none_found(replace(world, scenarios=(scenario,)), start, [*checks, *ends])
+        return none_found(replace(model, scenarios=(scenario,)), start, [*checks, *ends])
 
-    assert told(0.8 * steepest, 0.5).startswith(
+    assert claim(0.8 * steepest, 0.5).startswith(
         "no design that keeps the limits was found from 11 starts: the smallest violation was "
         "25 % of limits.torque_rate, by the best of them, in a flow of "
     )
-    assert "; this does not prove that there is none (try a looser" in told(0.8 * steepest, 0.5)
-    assert "10 % of limits.torque_rate, at the end of the opt" in told(0.8 * steepest, 0.1)
-    assert told(0.8 * steepest, 0.0) == ""  # the end keeps it
-    assert told(1.1 * steepest, 0.5) == ""  # the start does
-    fixed = replace(world.shape, bounds={})
-    for shape, wider in ((world.shape, True), (fixed, False)):
-        world = replace(world, shape=shape)
-        assert ("wider design bounds" in told(0.8 * steepest, 0.5)) == wider
+    assert "; this does not prove that there is none (try a looser" in claim(0.8 * steepest, 0.5)
+    assert "10 % of limits.torque_rate, at the end of the opt" in claim(0.8 * steepest, 0.1)
+    assert claim(0.8 * steepest, 0.0) == ""  # the end keeps it
+    assert claim(1.1 * steepest, 0.5) == ""  # the start does
+    fixed = replace(model.shape, bounds={})
+    for shape, wider in ((model.shape, True), (fixed, False)):
+        model = replace(model, shape=shape)
+        assert ("wider design bounds" in claim(0.8 * steepest, 0.5)) == wider
 
 
 def test_stations_beyond_their_polars_are_a_warning_or_a_note(feedback, monkeypatch):
     """As in `hkt check`, by their share of the torque."""
-    told = [Row("", x, severity=y) for x, y in (("heavy", "warning"), ("light", "note"))]
-    monkeypatch.setattr(Stations, "messages", lambda *_: told)
+    rows = [Row("", x, severity=y) for x, y in (("heavy", "warning"), ("light", "note"))]
+    monkeypatch.setattr(Stations, "messages", lambda *_: rows)
     summary = summarize(feedback)
     assert (summary.doubts[-1], *map(summary.notes.count, ("light", "heavy"))) == ("heavy", 1, 0)
 
@@ -462,16 +462,16 @@ def test_a_thickness_that_is_not_designed_is_that_of_the_sections(feedback):
 def test_advice_is_what_the_case_can_follow():
     year = {"profile": "histogram", "speeds": [1.0, 1.2], "hours": [1, 1]}
     rotor = {"polar": "naca63815", "reynolds": "local"}
-    world = physics(load_case({"resource": year, "rotor": rotor, "control": "quadratic"}))
+    model = physics(load_case({"resource": year, "rotor": rotor, "control": "quadratic"}))
     words = {"objective_error": "control.cut_out", "distance_from_stall": "reynolds=invariant"}
-    for name, told in words.items():
-        said = explain(CheckEntry(name=name, value=1.0, limit=0.1, passed=False, detail=""), world)
-        assert told in said
+    for name, word in words.items():
+        said = explain(CheckEntry(name=name, value=1.0, limit=0.1, passed=False, detail=""), model)
+        assert word in said
         assert not any(key in said for key in ("phase.", "start.method", "torque=curve"))
     control = {"law": "quadratic", "torque_limit": 140}
     steady = {"control": control, "scenarios": [{"inflow": "sine", "steady": True}]}
     stops = CheckEntry(name="rotor_keeps_turning", passed=False)
-    said = [explain(stops, each) for each in (world, physics(load_case(steady)))]
+    said = [explain(stops, each) for each in (model, physics(load_case(steady)))]
     assert [("cut_in" in text, "smoothing" in text) for text in said] == [(1, 0), (0, 1)]
 
 

@@ -36,12 +36,12 @@ def solution(tmp_path_factory) -> Solution:
 def test_energy_is_that_of_the_parts(solution):
     """In steady flow with a gust cut out: the best power coefficient times what passes."""
     assert solution.success, solution.message
-    world = physics(load_case(CASE))
-    best = best_operation(world.blade, world.rotor.polar)
+    model = physics(load_case(CASE))
+    best = best_operation(model.blade, model.rotor.polar)
     share = np.linspace(0.0, REACH / 8.0, 2001)
     rise = STEADY + 0.1 * (1.0 - np.cos(2.0 * np.pi * share)) ** 2
     cubes = 12.0 * STEADY**3 + 2.0 * np.trapezoid(rise**3, 8.0 * share)
-    expected = power_scale(world.density, world.blade.rotor_radius, 1.0) * cubes
+    expected = power_scale(model.density, model.blade.rotor_radius, 1.0) * cubes
     expected *= best.power_coefficient
     assert solution.summary.simulated_energy_J == pytest.approx(expected, rel=2e-5)
     assert solution.summary.energy_bound_J == pytest.approx(expected, rel=1e-6)
@@ -58,9 +58,9 @@ def test_summary_tells_the_intervals(solution):
     speed = solution.simulation["rotor_speed_rad_s"][again][0]
     stored = 0.5 * solution.summary.inertia_kg_m2 * speed**2
     assert operation.run_up_J == pytest.approx(stored, rel=1e-8)
-    told = texts(solution.summary.rows(solution.case))["operation"]
-    assert told.startswith(f"in 2 intervals, standstill for {still:.4g}")
-    assert f"({100.0 * still / 20.0:.3g} %)" in told
+    row = texts(solution.summary.rows(solution.case))["operation"]
+    assert row.startswith(f"in 2 intervals, standstill for {still:.4g}")
+    assert f"({100.0 * still / 20.0:.3g} %)" in row
     (note,) = [note for note in solution.notes if "cut_out" in note]
     assert "standstill" in note
     # the limit is broken in the gust alone, 5.7 kW, and the checks are asked in each interval

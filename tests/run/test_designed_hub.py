@@ -35,9 +35,9 @@ SHORT = {
 
 def test_the_price_is_taken_in_the_unit_of_the_key_and_lowers_the_objective():
     design = {"hub_inertia_bounds": ["2e4 kg*cm**2", 400], "hub_inertia_price": "0.02 kJ/(kg m^2)"}
-    world = physics(load_case(RISING | {"design": HELD | design}))
-    assert world.blade.hub_inertia == 2.0  # the start is rotor.hub_inertia, or the nearer bound
-    assert world.price_of(world.blade) == pytest.approx(40.0, rel=1e-12)
+    model = physics(load_case(RISING | {"design": HELD | design}))
+    assert model.blade.hub_inertia == 2.0  # the start is rotor.hub_inertia, or the nearer bound
+    assert model.price_of(model.blade) == pytest.approx(40.0, rel=1e-12)
 
 
 @pytest.mark.slow
@@ -48,10 +48,10 @@ def test_the_hub_ends_at_the_bound_that_theory_gives_for_its_price(tmp_path):
     inertia is then the integral of -d(Q w)/dw w' / (2 K w - dQ/dw), and so the price at which it
     is no longer worth having.
     """
-    world = physics(load_case(RISING | {"design": HELD}))
-    plant, time = plant_of(world, world.scenarios[0], world.blade), np.linspace(0.0, 6.0, 601)
-    flow = world.inflow.speed_at(time)
-    speed, *_ = equilibria(plant, FeedbackTorque(world.law, np.array([GAIN])), flow)
+    model = physics(load_case(RISING | {"design": HELD}))
+    plant, time = plant_of(model, model.scenarios[0], model.blade), np.linspace(0.0, 6.0, 601)
+    flow = model.inflow.speed_at(time)
+    speed, *_ = equilibria(plant, FeedbackTorque(model.law, np.array([GAIN])), flow)
     torque, slope = plant.torque(speed, flow), plant.torque_slope(speed, flow)
     delay = np.gradient(speed, time) / (2.0 * GAIN * speed - slope)
     worth = -np.trapezoid((slope * speed + torque) * delay, time)
@@ -62,7 +62,7 @@ def test_the_hub_ends_at_the_bound_that_theory_gives_for_its_price(tmp_path):
         assert solution.success, solution.message
         summary = solution.summary
         assert summary.hub_inertia_kg_m2 == pytest.approx(hub, abs=1e-5)
-        blades = world.rotor.mass_and_inertia(world.blade)[1]
+        blades = model.rotor.mass_and_inertia(model.blade)[1]
         assert solution.design().inertia == pytest.approx(blades + hub, abs=1e-5)
         paid = summary.energy_J - summary.objective.value
         assert paid == pytest.approx(share * worth * hub, abs=1e-4)

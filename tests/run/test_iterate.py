@@ -113,9 +113,9 @@ def test_a_corrupt_file_is_refused(tmp_path, whole, content):
 )
 def test_an_iterate_that_cannot_be_of_this_case_is_refused(tmp_path, damaged, key, damage):
     physics, data = damaged
-    (own,) = data["scenarios"].values()
-    place = own if key in own else data
-    place[key] = damage(place[key])
+    (scenario,) = data["scenarios"].values()
+    section = scenario if key in scenario else data
+    section[key] = damage(section[key])
     with pytest.raises(InputError, match=r"no iterate of this case.*--force"):
         read(tmp_path, physics, data)
 

@@ -27,24 +27,24 @@ COLUMNS |= {"cavitation": "cavitation", "power": "generator_power_W"}
 COLUMNS |= {"rotor_speed": "rotor_speed_rad_s"}
 
 
-def trajectory(world, count=40):
+def trajectory(model, count=40):
     """Return quantities of an invented trajectory with all loads."""
     time = np.linspace(0.0, 25.0, count)
     flow = 1.5 + 0.2 * np.sin(0.25 * time)
-    speed = (6.5 + 0.5 * np.cos(0.2 * time)) * flow / world.blade.rotor_radius
-    known = {
+    speed = (6.5 + 0.5 * np.cos(0.2 * time)) * flow / model.blade.rotor_radius
+    series = {
         "time": time,
         "inflow_speed": flow,
         "rotor_speed": speed,
-        "tip_speed_ratio": speed * world.blade.rotor_radius / flow,
+        "tip_speed_ratio": speed * model.blade.rotor_radius / flow,
         "generator_power": 600.0 * speed,
     }
-    known |= loads_along(world.rotor, world.blade, known, world.rotor.load_names)
-    return known | scalars(world, world.rotor, world.blade) | {"inertia": 10.0}
+    series |= loads_along(model.rotor, model.blade, series, model.rotor.load_names)
+    return series | scalars(model, model.rotor, model.blade) | {"inertia": 10.0}
 
 
-def pressure(world, known, at):
-    return 0.5 * world.density * known["inflow_speed"][at] ** 2
+def pressure(model, series, at):
+    return 0.5 * model.density * series["inflow_speed"][at] ** 2
 
 
 # Theory -------------------------------------------------------------------------------------------
@@ -52,62 +52,62 @@ def pressure(world, known, at):
 
 def test_flapwise_moment_is_the_integral_of_load_times_arm():
     """The trapezoidal rule over stations and tip, by hand; at the hub it is the root moment."""
-    world = physics(load_case(PLAIN))
-    blade, model, ratio = world.blade, world.rotor, 6.3
-    normal = bem.sections(blade, world.rotor.polar, np.array([ratio])).normal_load[0]
+    turbine = physics(load_case(PLAIN))
+    blade, model, ratio = turbine.blade, turbine.rotor, 6.3
+    normal = bem.sections(blade, turbine.rotor.polar, np.array([ratio])).normal_load[0]
     edges = np.append(blade.r, blade.tip_radius)
     by_hand = []
     for first in range(blade.r.size):
         arm = np.append(normal[first:], 0.0) * (edges[first:] - blade.r[first])
         by_hand.append(np.trapezoid(arm, edges[first:]))
-    found = model.moments(blade, ratio, blade.r)[0][0]
-    np.testing.assert_allclose(found, by_hand, rtol=1e-12, atol=1e-12 * by_hand[0])
+    moments = model.moments(blade, ratio, blade.r)[0][0]
+    np.testing.assert_allclose(moments, by_hand, rtol=1e-12, atol=1e-12 * by_hand[0])
     root = model.loads(blade, ratio, names=("root_moment",))["root_moment"].exact
     hub, _ = model.moments(blade, ratio, [blade.hub_radius])
     np.testing.assert_allclose(hub, root, rtol=1e-12)
 
 
 def test_the_span_is_that_of_the_worst_instants():
-    world = physics(load_case(PLAIN))
-    known = trajectory(world)
-    weaker = known | {name: 0.9 * known[name] for name in world.rotor.load_names}
-    other = replace(world.rotor, water_density=900.0)  # each trajectory is of its own rotor
-    found = loads.over_span(world.blade, [(other, weaker), (world.rotor, known)])
-    assert set(found) == {"stress", "flapwise_moment", "cavitation"}
+    model = physics(load_case(PLAIN))
+    series = trajectory(model)
+    weaker = series | {name: 0.9 * series[name] for name in model.rotor.load_names}
+    other = replace(model.rotor, water_density=900.0)  # each trajectory is of its own rotor
+    span = loads.over_span(model.blade, [(other, weaker), (model.rotor, series)])
+    assert set(span) == {"stress", "flapwise_moment", "cavitation"}
     for name in ("stress", "cavitation"):
-        r, values = found[name]
-        assert values.max() == pytest.approx(known[name].max(), rel=1e-12)
-        assert world.blade.r[0] <= r[np.argmax(values)] <= world.blade.r[-1]
-    at = np.argmax(known["stress"])
-    ratio = known["tip_speed_ratio"][at]
-    moment = world.rotor.moments(world.blade, ratio, found["stress"][0])[0][0]
-    expected = pressure(world, known, at) * moment
-    np.testing.assert_allclose(found["flapwise_moment"][1], expected, rtol=1e-12)
-    at = np.argmax(known["cavitation"])
-    sections = bem.sections(world.blade, world.rotor.polar, known["tip_speed_ratio"][at : at + 1])
-    suction, _ = world.rotor.polar.suction_at(sections.angle_of_attack)
-    available = 101325.0 - 1705.0 + 9.80665 * world.density * (3.0 - world.blade.r)
-    dynamic = pressure(world, known, at) * sections.relative_speed[0] ** 2
+        r, values = span[name]
+        assert values.max() == pytest.approx(series[name].max(), rel=1e-12)
+        assert model.blade.r[0] <= r[np.argmax(values)] <= model.blade.r[-1]
+    at = np.argmax(series["stress"])
+    ratio = series["tip_speed_ratio"][at]
+    moment = model.rotor.moments(model.blade, ratio, span["stress"][0])[0][0]
+    expected = pressure(model, series, at) * moment
+    np.testing.assert_allclose(span["flapwise_moment"][1], expected, rtol=1e-12)
+    at = np.argmax(series["cavitation"])
+    sections = bem.sections(model.blade, model.rotor.polar, series["tip_speed_ratio"][at : at + 1])
+    suction, _ = model.rotor.polar.suction_at(sections.angle_of_attack)
+    available = 101325.0 - 1705.0 + 9.80665 * model.density * (3.0 - model.blade.r)
+    dynamic = pressure(model, series, at) * sections.relative_speed[0] ** 2
     by_hand = 1.1 * suction.max(axis=0)[0] * dynamic / available
-    np.testing.assert_allclose(found["cavitation"][1], by_hand, rtol=1e-12)
+    np.testing.assert_allclose(span["cavitation"][1], by_hand, rtol=1e-12)
 
 
 def test_local_reynolds_numbers_are_those_of_each_instant():
     """More instants than are looked at together; each as if it were alone."""
     rotor = {"polar": "naca63815", "reynolds": "local"}
-    world = physics(load_case(PLAIN | {"rotor": rotor}))
-    assert world.rotor.load_names == ("thrust", "root_moment", "stress")
-    known = trajectory(world, RATIOS + 20)
+    turbine = physics(load_case(PLAIN | {"rotor": rotor}))
+    assert turbine.rotor.load_names == ("thrust", "root_moment", "stress")
+    series = trajectory(turbine, RATIOS + 20)
     for at in (0, RATIOS - 1, RATIOS, RATIOS + 19):
-        model = world.rotor.at_flow(known["inflow_speed"][at])
-        found = model.loads(world.blade, known["tip_speed_ratio"][at])
-        for name, load in found.items():
-            expected = pressure(world, known, at) * load.largest[0]
-            assert known[name][at] == pytest.approx(expected, rel=1e-9)
-    assert loads.tip_deflection(world.blade, [(world.rotor, known)]) is None
-    found = loads.over_span(world.blade, [(world.rotor, known)])
-    assert set(found) == {"stress", "flapwise_moment"}
-    assert found["stress"][1].max() == pytest.approx(known["stress"].max(), rel=1e-9)
+        model = turbine.rotor.at_flow(series["inflow_speed"][at])
+        values = model.loads(turbine.blade, series["tip_speed_ratio"][at])
+        for name, load in values.items():
+            expected = pressure(turbine, series, at) * load.largest[0]
+            assert series[name][at] == pytest.approx(expected, rel=1e-9)
+    assert loads.tip_deflection(turbine.blade, [(turbine.rotor, series)]) is None
+    values = loads.over_span(turbine.blade, [(turbine.rotor, series)])
+    assert set(values) == {"stress", "flapwise_moment"}
+    assert values["stress"][1].max() == pytest.approx(series["stress"].max(), rel=1e-9)
 
 
 def test_a_fouled_polar_without_suction_has_no_cavitation(tmp_path):
@@ -115,9 +115,9 @@ def test_a_fouled_polar_without_suction_has_no_cavitation(tmp_path):
     fouled = tmp_path / "fouled.csv"
     rows = (f"{alpha},{0.1 * alpha:g},0.02" for alpha in range(-10, 16))
     fouled.write_text("\n".join(("alpha_deg,cl,cd", *rows)))
-    world = physics(load_case(PLAIN | {"condition": {"polar": str(fouled)}}))
-    assert world.rotor.load_names == ("thrust", "root_moment", "stress")
-    assert physics(load_case(PLAIN)).rotor.load_names == (*world.rotor.load_names, "cavitation")
+    model = physics(load_case(PLAIN | {"condition": {"polar": str(fouled)}}))
+    assert model.rotor.load_names == ("thrust", "root_moment", "stress")
+    assert physics(load_case(PLAIN)).rotor.load_names == (*model.rotor.load_names, "cavitation")
 
 
 # A result's folder --------------------------------------------------------------------------------
@@ -131,13 +131,13 @@ def result(tmp_path_factory) -> Solution:
 
 def test_the_tables_have_the_loads(result):
     """Every load of both tables, and those along the span, by the model at their instants."""
-    world = physics(result.case)
+    turbine = physics(result.case)
     chord, twist = result.blade["chord_m"], np.deg2rad(result.blade["twist_deg"])
-    found = replace(world.blade, chord=chord, twist=twist)
+    design = replace(turbine.blade, chord=chord, twist=twist)
     for table in (result.trajectory, result.simulation):
         assert set(table) == set(TABLES["trajectory"])
-        q = 0.5 * world.density * table["inflow_speed_m_s"] ** 2
-        model = world.rotor.loads(found, table["tip_speed_ratio"])
+        q = 0.5 * turbine.density * table["inflow_speed_m_s"] ** 2
+        model = turbine.rotor.loads(design, table["tip_speed_ratio"])
         for name, load in model.items():
             np.testing.assert_allclose(table[COLUMNS[name]], q * load.largest, rtol=1e-8)
     span, simulation = result.loads, result.simulation
@@ -148,16 +148,16 @@ def test_the_tables_have_the_loads(result):
 
 
 def test_the_summary_tells_the_same(result):
-    simulation, told = result.simulation, result.summary.loads
+    simulation, entries = result.simulation, result.summary.loads
     for name, column in COLUMNS.items():
         worst = np.argmax(simulation[column])
-        assert told[name].value == pytest.approx(simulation[column][worst], rel=1e-8)
-        assert told[name].time_s == pytest.approx(simulation["time_s"][worst], abs=1e-9)
-    assert told["tip_speed"].value == pytest.approx(1.4 * told["rotor_speed"].value, rel=1e-9)
+        assert entries[name].value == pytest.approx(simulation[column][worst], rel=1e-8)
+        assert entries[name].time_s == pytest.approx(simulation["time_s"][worst], abs=1e-9)
+    assert entries["tip_speed"].value == pytest.approx(1.4 * entries["rotor_speed"].value, rel=1e-9)
     for name in ("stress", "cavitation"):
-        place = result.loads["r_m"][np.argmax(result.loads[COLUMNS[name]])]
-        assert told[name].r_m == pytest.approx(place, rel=1e-9)
-    assert told["thrust"].r_m is None
+        radius = result.loads["r_m"][np.argmax(result.loads[COLUMNS[name]])]
+        assert entries[name].r_m == pytest.approx(radius, rel=1e-9)
+    assert entries["thrust"].r_m is None
     summary = result.summary
     lost = summary.generator_energy_J - summary.electrical_energy_J
     assert lost == pytest.approx(0.1 * summary.generator_energy_J, rel=1e-9)

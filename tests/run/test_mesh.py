@@ -15,9 +15,9 @@ def solved(solve_physics, law, *sections, limit=700, **more):
     case = {"control": {"law": law, "torque_limit": limit}} | SHORT
     for section in (*sections, more):
         case |= section
-    found = solve_physics(case)
-    assert found.failed() == []
-    return found
+    finished = solve_physics(case)
+    assert finished.failed() == []
+    return finished
 
 
 @pytest.mark.slow
@@ -54,10 +54,10 @@ def test_open_loop_is_never_below_feedback_where_a_limit_switches(solve_physics)
 def test_open_loop_settles_through_a_gust_much_faster_than_the_rotor(solve_physics):
     """Segments of 1 s beside others of 0.5 ms, and a torque that meets both of its bounds."""
     gust = {"profile": "gust", "shape": "mexican_hat", "amplitude": 1, "time": 7.03, "width": 0.047}
-    found = solved(solve_physics, "open_loop", limit=617, inflow=gust)
-    lengths = np.diff(found.physics.scenarios[0].edges)
+    finished = solved(solve_physics, "open_loop", limit=617, inflow=gust)
+    lengths = np.diff(finished.physics.scenarios[0].edges)
     assert np.max(lengths) > 500.0 * np.min(lengths)
-    torque = found.verification.trajectory["control_torque"]
+    torque = finished.verification.trajectory["control_torque"]
     assert np.min(torque) < 0.01 * 617.0
     assert np.max(torque) > 0.999 * 617.0
 
@@ -67,10 +67,10 @@ def test_a_run_that_ends_after_a_division_is_judged_on_the_mesh_it_was_solved_on
 ):
     monkeypatch.setattr("hkt_mdo.run.passes.MAX_PASSES", 1)
     law = {"law": "open_loop", "torque_limit": 400}
-    found = solve_physics(SHORT | FIXED | SINE | {"control": law})
-    nodes = found.verification.scenario.node_times.size
-    assert found.result.trajectories[0]["time"].size == nodes
-    assert "mesh_error" in found.failed()
+    finished = solve_physics(SHORT | FIXED | SINE | {"control": law})
+    nodes = finished.verification.scenario.node_times.size
+    assert finished.result.trajectories[0]["time"].size == nodes
+    assert "mesh_error" in finished.failed()
 
 
 HEAVY = {"rotor": {"set_angle": 5, "hub_inertia": 2e3}, "design": {"blade": "fixed"}}
@@ -80,15 +80,15 @@ SINE = {"inflow": {"profile": "sine", "angular_frequency": 0.4}}
 def test_stored_energy_does_not_count(solve_physics):
     """An open loop closes its cycle, and one that may not and stores much is refused."""
     case = SHORT | SINE | HEAVY | {"control": {"law": "open_loop", "torque_limit": 300}}
-    found = solve_physics(case)
-    assert found.failed() == []
-    speed = found.verification.trajectory["rotor_speed"]
+    finished = solve_physics(case)
+    assert finished.failed() == []
+    speed = finished.verification.trajectory["rotor_speed"]
     assert speed[-1] == pytest.approx(speed[0], rel=1e-6)
     # what is captured is delivered then, and no less than where that is asked for
-    delivered = found.verification.simulation.generator_energy
-    assert delivered == pytest.approx(found.result.energy, rel=1e-5)
+    delivered = finished.verification.simulation.generator_energy
+    assert delivered == pytest.approx(finished.result.energy, rel=1e-5)
     asked = solved(solve_physics, "open_loop", SINE, HEAVY, limit=300, objective="generator")
-    assert found.result.energy == pytest.approx(asked.result.objective, rel=1e-5)
+    assert finished.result.energy == pytest.approx(asked.result.objective, rel=1e-5)
     case |= {"phase": SHORT["phase"] | {"final_speed": "free"}}
     free = solve_physics(case)
     assert free.failed() == ["stored_energy"]
@@ -104,9 +104,9 @@ def test_what_the_flow_leaves_in_a_heavy_rotor_is_not_refused(solve_physics, obj
     heavy = {"rotor": {"set_angle": 5, "hub_inertia": 60}, "design": {"blade": "fixed"}}
     control = {"law": "quadratic", "torque_limit": 700}
     case = SHORT | heavy | {"control": control, "objective": objective}
-    found = solve_physics(case | {"inflow": rising})
-    assert found.failed() == []
-    simulated = found.verification.simulation
+    finished = solve_physics(case | {"inflow": rising})
+    assert finished.failed() == []
+    simulated = finished.verification.simulation
     assert simulated.kinetic_energy_change > 0.01 * simulated.energy
     falling = solve_physics(case | {"inflow": rising | {"phase": np.pi / 2}})
     assert falling.failed() == ["stored_energy"] * (objective == "generator")

@@ -69,11 +69,11 @@ def test_quadratic_feedback_is_open_loop_without_a_limit(run):
 
 
 def test_ranking_under_a_torque_limit(run):
-    found = {law: run(f"sine_limited_{law}") for law in ("oloc", "linear", "quadratic")}
-    for solution in found.values():
+    solutions = {law: run(f"sine_limited_{law}") for law in ("oloc", "linear", "quadratic")}
+    for solution in solutions.values():
         for columns in (solution.trajectory, solution.simulation):
             assert np.max(columns["control_torque_Nm"]) <= 700.0 * (1.0 + 1e-6)
-    energy = {law: solution.summary.simulated_energy_J for law, solution in found.items()}
+    energy = {law: solution.summary.simulated_energy_J for law, solution in solutions.items()}
     assert energy["linear"] < energy["quadratic"] <= energy["oloc"] * (1.0 + 2e-5)
     assert 0.001 < 1.0 - energy["linear"] / energy["oloc"] < 0.015
     assert max(energy.values()) < run("sine_oloc").summary.simulated_energy_J
@@ -131,10 +131,10 @@ def test_the_case_of_a_result_takes_overrides(short, tmp_path):
     assert short.case.with_overrides(override) == expected.case
     command = ["run", str(short.folder / "case.yaml"), "--out", str(tmp_path / "again")]
     assert main([*command, "--quiet", "--no-figures", "--set", override]) == 0
-    found = Solution.load(tmp_path / "again")
-    assert found.summary.control_torque_max_Nm == pytest.approx(600.0, rel=0.01)
+    solution = Solution.load(tmp_path / "again")
+    assert solution.summary.control_torque_max_Nm == pytest.approx(600.0, rel=0.01)
     for key in RESULTS:
-        assert getattr(found.summary, key) == getattr(expected.summary, key), key
+        assert getattr(solution.summary, key) == getattr(expected.summary, key), key
 
 
 # Runs that are no success, or none at all ---------------------------------------------------------
@@ -164,9 +164,9 @@ def test_a_false_solution_is_no_success(tmp_path):
 def test_existing_folder_is_kept_without_force(tmp_path, capsys):
     (tmp_path / "precious.txt").write_text("mine")
     assert main(["run", str(CASES / "sine_baseline_oloc.yaml"), "--out", str(tmp_path)]) == 2
-    told = capsys.readouterr()
-    assert "folder exists" in told.err
-    assert "searching" not in told.out
+    output = capsys.readouterr()
+    assert "folder exists" in output.err
+    assert "searching" not in output.out
     assert [path.name for path in tmp_path.iterdir()] == ["precious.txt"]
 
 
@@ -187,21 +187,21 @@ def test_two_runs_at_the_same_time_are_as_alone(tmp_path):
     """In one process: a run changes neither folder nor environment, which its threads share."""
     names = ["sine_limited_quadratic", "sine_baseline_oloc"]
     surroundings = Path.cwd(), dict(os.environ)
-    met, seen = Barrier(2, timeout=120.0), []
+    barrier, records = Barrier(2, timeout=120.0), []
 
     def beside(name):
         def meet(count, objective, infeasibility):
             if count in (1, 4):
-                met.wait()
-                seen.append((Path.cwd(), dict(os.environ)))
+                barrier.wait()
+                records.append((Path.cwd(), dict(os.environ)))
 
         case = short_case(name, "driver.optimizer=IPOPT")
         return run_case(case, tmp_path / "beside" / name, progress=meet, figures=False)
 
     with ThreadPoolExecutor(2) as threads:
-        found = list(threads.map(beside, names))
-    assert seen == [surroundings] * 4
-    for name, solution in zip(names, found, strict=True):
+        solutions = list(threads.map(beside, names))
+    assert records == [surroundings] * 4
+    for name, solution in zip(names, solutions, strict=True):
         case = short_case(name, "driver.optimizer=IPOPT")
         alone = run_case(case, tmp_path / "alone" / name, figures=False)
         assert solution.success, solution.message

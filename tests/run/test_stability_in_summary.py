@@ -19,11 +19,11 @@ MEMORY = ("inflow_dynamics=oye",)
 def test_a_wake_outside_its_tables_and_one_that_they_do_not_determine_are_refused():
     """The tables end at 0.7 and 1.3 times the wake's tip speed ratio; induction must not turn."""
     nodes = np.linspace(4.0, 10.0, 25)
-    known = {"tip_speed_ratio": np.array([7.0, 8.0]), "wake_ratio": np.array([7.0, 7.5])}
+    series = {"tip_speed_ratio": np.array([7.0, 8.0]), "wake_ratio": np.array([7.0, 7.5])}
 
     def checks(table, direction=1.0, **changes):
         problem, setup = SimpleNamespace(get_val=lambda name: table), SimpleNamespace(nodes=nodes)
-        result = SimpleNamespace(setup=setup, trajectories=[known | changes], problem=problem)
+        result = SimpleNamespace(setup=setup, trajectories=[series | changes], problem=problem)
         band = SimpleNamespace(direction=direction)
         return {name: value for name, value, *_ in _of_tables(band, result, ["table"])}
 
@@ -45,10 +45,10 @@ def test_the_share_of_an_instability_is_one_of_the_time(monkeypatch, steady, sha
     monkeypatch.setattr(Loop, "of", lambda *_: loop)
     scenario = SimpleNamespace(steady=steady, node_weights=np.array([3.0, 1.0, 0.0]))
     plant = SimpleNamespace(blade=SimpleNamespace(rotor_radius=1.0), inertia=1.0)
-    known = {"time": np.arange(3), "rotor_speed": np.full(3, 9.0)}
-    along = [(scenario, plant, None, known | {"inflow_speed": np.arange(1.0, 4.0)})]
-    found = _verdict(SimpleNamespace(scenarios=[scenario], law=SimpleNamespace(states={})), along)
-    assert found.share_of_instants == pytest.approx(share)
+    series = {"time": np.arange(3), "rotor_speed": np.full(3, 9.0)}
+    along = [(scenario, plant, None, series | {"inflow_speed": np.arange(1.0, 4.0)})]
+    verdict = _verdict(SimpleNamespace(scenarios=[scenario], law=SimpleNamespace(states={})), along)
+    assert verdict.share_of_instants == pytest.approx(share)
 
 
 @pytest.mark.slow
@@ -71,15 +71,15 @@ def test_scenarios_with_memory_in_other_water_fouled_and_steady():
     case |= {"phase": {"duration": 10, "segments": 10}, "rotor": {"station_count": 9}}
     problem = build_problem(load_case(case, MEMORY), improve=False)
     problem.run_model()
-    world = physics(load_case(case, MEMORY))
-    for scenario in world.scenarios:
-        rotor = world.rotor_in(scenario)
+    model = physics(load_case(case, MEMORY))
+    for scenario in model.scenarios:
+        rotor = model.rotor_in(scenario)
         path, loads = scenario.path, f"loads_{scenario.name}.thrust"
         ratio = problem.get_val(f"{path}.tip_speed_ratio").ravel()[:1]
         pressure = 0.5 * rotor.water_density * 1.2**2
-        load = rotor.loads(world.blade, ratio, names=("thrust",))["thrust"].exact[0, 0]
+        load = rotor.loads(model.blade, ratio, names=("thrust",))["thrust"].exact[0, 0]
         assert problem.get_val(loads)[0] == pytest.approx(pressure * load, rel=1e-3)
-        torque = pressure * np.pi * 1.4**3 * rotor.coefficients(world.blade, ratio).torque
+        torque = pressure * np.pi * 1.4**3 * rotor.coefficients(model.blade, ratio).torque
         assert problem.get_val(f"{path}.hydrodynamic_torque").ravel()[:1] == pytest.approx(
             torque, rel=1e-3
         )
@@ -91,15 +91,15 @@ def test_the_mesh_is_judged_by_the_two_filters_and_loads_in_their_wake(solve_phy
     case = {"inflow": "sine", "control": "linear", "inflow_dynamics": "oye"}
     case |= {"rotor": {"stations": NINE}, "limits": {"thrust": 8200}}
     case |= {"phase": {"duration": 20, "segments": 20}}
-    found = solve_physics(case)
-    assert found.failed() == []
-    assert "closed_loop_with_memory" in found.by_name
-    assert "energy_over_bound" not in found.by_name
-    assert not any("coarse" in each.why for each in found.passes)
-    verification = found.verification
-    gap = found.by_name["two_filters_energy"].value
+    solved = solve_physics(case)
+    assert solved.failed() == []
+    assert "closed_loop_with_memory" in solved.by_name
+    assert "energy_over_bound" not in solved.by_name
+    assert not any("coarse" in each.why for each in solved.passes)
+    verification = solved.verification
+    gap = solved.by_name["two_filters_energy"].value
     assert verification.energy_error < 0.2 * gap < 2e-4
-    table = found.result.problem.get_val("loads_phase.thrust").ravel()
+    table = solved.result.problem.get_val("loads_phase.thrust").ravel()
     direct, nodes = verification.at_nodes["thrust"], verification.trajectory
     np.testing.assert_allclose(direct, table, rtol=2e-4)
     assert np.max(np.abs(direct / verification.loads(nodes)["thrust"] - 1.0)) > 5e-3

@@ -50,21 +50,21 @@ def start(*words, **more):
 def scheduler(tmp_path_factory):
     """Return the address of a scheduler with two worker processes on the loopback interface."""
     folder = tmp_path_factory.mktemp("dask")
-    told = folder / "address"
-    common = "--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", told
+    path = folder / "address"
+    common = "--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", path
     workers = "--nworkers", 2, "--nthreads", 1, "--local-directory", folder
     made = [start("-m", "dask", "scheduler", "--port", 0, *common)]
     made.append(start("-m", "dask", "worker", *common, *workers))
     try:
         for _ in range(400):
-            if told.exists() and told.stat().st_size:
+            if path.exists() and path.stat().st_size:
                 break
             time.sleep(0.05)
-        yield json.loads(told.read_text())["address"]
+        yield json.loads(path.read_text())["address"]
     finally:
-        for each in made:
-            each.kill()  # and their workers with them
-            each.wait()
+        for process in made:
+            process.kill()  # and their workers with them
+            process.wait()
 
 
 @pytest.mark.slow
@@ -73,8 +73,8 @@ def test_workers_that_die_lose_nothing(scheduler, tmp_path):
     sweep = sweep_of(tmp_path, "{control.torque_limit: {from: 601, to: 700, count: 100}}")
     deaths = Counter(filter(None, map(stand_in.death, range(601, 701))))
     assert set(deaths) == {*stand_in.DEATHS}
-    states, told = [], attrgetter("total", "reused", "computed", "failed", "left", "older")
-    how = {"report": lambda x: states.append(told(x)), "scheduler": scheduler, "run": stand_in.run}
+    states, state = [], attrgetter("total", "reused", "computed", "failed", "left", "older")
+    how = {"report": lambda x: states.append(state(x)), "scheduler": scheduler, "run": stand_in.run}
     rows = run_sweep(sweep, tmp_path / "out", **how)
     assert [row["objective"] for row in rows] == [float(x) for x in range(601, 701)]
     assert {row["state"] for row in rows} == {"verified"}
@@ -101,9 +101,9 @@ def test_real_runs_on_a_scheduler(scheduler, tmp_path, monkeypatch):
     other = engine.versions() | {"hkt_mdo": "0.1.0, source 0", "Python": "3.9.1"}
     monkeypatch.setattr(engine, "versions", lambda: other)
     monkeypatch.setattr(engine, "_introduce", own_versions)
-    with pytest.raises(InputError, match=r"worker tcp.*Python 3\.1\d.* \(here 3\.9\.1\)") as told:
+    with pytest.raises(InputError, match=r"worker tcp.*Python 3\.1\d.* \(here 3\.9\.1\)") as caught:
         in_processes([(1, dict)], None, print, scheduler)
-    assert "same environment" in str(told.value)
+    assert "same environment" in str(caught.value)
 
 
 def own_versions(folder):
@@ -224,7 +224,7 @@ def test_a_neighbour_wins_only_with_a_better_result(here, tmp_path, monkeypatch)
     rows = run_sweep(sweep, tmp_path / "out", run=run)
     assert [row["start"] for row in rows] == ["own", "neighbour", "own"]
     assert [row["objective"] for row in rows] == pytest.approx([600.0, 707.0, 500.0])
-    assert sources == [str(tmp_path / "out" / rows[place]["run"]) for place in (0, 1)]
+    assert sources == [str(tmp_path / "out" / rows[index]["run"]) for index in (0, 1)]
     again = hkt_mdo.sweep(tmp_path / "some.yaml", str(tmp_path / "out"), run=None)
     assert [row["start"] for row in again] == ["own", "neighbour", "own"]
 
@@ -235,8 +235,8 @@ def test_a_result_of_another_version_is_told(here, tmp_path, capsys, monkeypatch
     rows = run_sweep(sweep, out, run=stand_in.run)
     for changed in (False, True):
         assert main(["sweep", str(tmp_path / "some.yaml"), "--out", str(out)]) == 0
-        told = "results of another version, or of other files, are computed again"
-        assert (told in capsys.readouterr().out) == changed
+        message = "results of another version, or of other files, are computed again"
+        assert (message in capsys.readouterr().out) == changed
         edit_summary(out / rows[0]["run"], digest="older")
 
 
@@ -253,9 +253,9 @@ def test_a_million_runs_are_asked_back(here, tmp_path, capsys, monkeypatch, opti
     sweep_of(tmp_path, f"{{control.torque_limit: {torque}, inflow.mean: {mean}}}")
     words = ["sweep", str(tmp_path / "some.yaml"), "--out", str(tmp_path / "out")]
     assert main([*words, *option]) == 2
-    told = capsys.readouterr().err
-    assert re.search(r"asks for 1,000,000 runs, which take about .* on 1 worker;", told)
-    assert "--yes runs them all" in told
+    message = capsys.readouterr().err
+    assert re.search(r"asks for 1,000,000 runs, which take about .* on 1 worker;", message)
+    assert "--yes runs them all" in message
 
 
 def test_why_a_task_failed_is_one_line():

@@ -37,30 +37,30 @@ def designed(tmp_path_factory):
 @pytest.mark.slow
 def test_freedom_of_the_thickness_only_gains(designed, tmp_path):
     """Of the same stations and control points, with the single section among those given."""
-    _, found = designed
+    _, summary = designed
     single = run(tmp_path / "single", SINGLE, STRONG)
-    assert found.simulated_energy_J > (1.0 + 1e-4) * single.simulated_energy_J
-    assert found.limits["stress"].value <= 60e6 * (1.0 + 1e-3)
+    assert summary.simulated_energy_J > (1.0 + 1e-4) * single.simulated_energy_J
+    assert summary.limits["stress"].value <= 60e6 * (1.0 + 1e-3)
 
 
 @pytest.mark.slow
 def test_at_one_sections_thickness_the_run_is_that_of_the_section(tmp_path):
     single = run(tmp_path / "single", SINGLE, {})
     bounds = {"thickness_points": 3, "thickness_bounds": [0.15, 0.150001]}
-    found = run(tmp_path / "family", {"sections": SECTIONS}, {}, **bounds)
-    assert found.simulated_energy_J == pytest.approx(single.simulated_energy_J, rel=1e-6)
-    np.testing.assert_allclose(found.chord_m, single.chord_m, rtol=0.02)
-    np.testing.assert_allclose(found.thickness_over_chord, 0.15, atol=2e-6)
+    summary = run(tmp_path / "family", {"sections": SECTIONS}, {}, **bounds)
+    assert summary.simulated_energy_J == pytest.approx(single.simulated_energy_J, rel=1e-6)
+    np.testing.assert_allclose(summary.chord_m, single.chord_m, rtol=0.02)
+    np.testing.assert_allclose(summary.thickness_over_chord, 0.15, atol=2e-6)
 
 
 @pytest.mark.slow
 def test_the_blade_that_is_written_is_read_back_with_its_thickness(designed):
-    folder, found = designed
-    own = {"blade": str(folder / "blade.csv"), "set_angle": 0, "hub_radius_fraction": 0.125}
-    rotor = own | {"radius": 1.4, "sections": SECTIONS}
+    folder, summary = designed
+    base = {"blade": str(folder / "blade.csv"), "set_angle": 0, "hub_radius_fraction": 0.125}
+    rotor = base | {"radius": 1.4, "sections": SECTIONS}
     others = {"inflow": "sine", "control": "quadratic", "rotor": rotor}
     again = physics(load_case(others | {"design": {"thickness_points": 30}}))
-    np.testing.assert_allclose(again.blade.thickness, found.thickness_over_chord, rtol=1e-9)
-    np.testing.assert_allclose(again.blade.chord, found.chord_m, rtol=1e-9)
+    np.testing.assert_allclose(again.blade.thickness, summary.thickness_over_chord, rtol=1e-9)
+    np.testing.assert_allclose(again.blade.chord, summary.chord_m, rtol=1e-9)
     fixed = physics(load_case(others | {"design": {"blade": "fixed"}}))
-    np.testing.assert_allclose(fixed.turbine.thickness, found.thickness_over_chord, rtol=1e-9)
+    np.testing.assert_allclose(fixed.turbine.thickness, summary.thickness_over_chord, rtol=1e-9)

@@ -24,13 +24,13 @@ def test_torque_limit_costs_what_it_costs_open_loop(solve):
 def test_an_unstable_loop_is_refused(solve_physics):
     """Underspeed needs a proportional part: with one of a tenth the check sees the growth."""
     control = {"law": "tracking", "torque_limit": 700}
-    found = solve_physics({"inflow": "sine", "control": control, "design": {"blade": "fixed"}})
-    assert found.by_name["closed_loop"].passed
-    controller = found.verification.controller
+    solved = solve_physics({"inflow": "sine", "control": control, "design": {"blade": "fixed"}})
+    assert solved.by_name["closed_loop"].passed
+    controller = solved.verification.controller
     gains = controller.gains.copy()
     gains[-2] *= -1.0  # pushes the rotor away from its schedule
-    wrong = replace(found.verification, controller=replace(controller, gains=gains))
-    refused = replace(found, verifications=(wrong,)).by_name["closed_loop"]
+    wrong = replace(solved.verification, controller=replace(controller, gains=gains))
+    refused = replace(solved, verifications=(wrong,)).by_name["closed_loop"]
     assert not refused.passed
     assert refused.value > 0.0
 
@@ -55,13 +55,13 @@ def test_power_limit_is_kept_by_overspeed(solve):
     is found. That with open loop's blade is the same with all of them, and one of the designs here.
     """
     power = "limits.power=5 kW", "start.branch=overspeed", f"rotor.stations={NINE}"
-    best, found = solve("sine_oloc", *power), solve("sine_oloc", TRACKING, *power)
+    best, solution = solve("sine_oloc", *power), solve("sine_oloc", TRACKING, *power)
     chord, twist = (best.blade[name].tolist() for name in ("chord_m", "twist_deg"))
     fixed = f"rotor.chord={chord}", f"rotor.twist={twist}", "design.blade=fixed"
     same_blade = solve("sine_oloc", TRACKING, *power, *fixed)
-    assert energy(same_blade) * (1.0 - 1e-5) <= energy(found) <= energy(best) * (1.0 + 1e-5)
-    assert np.max(found.simulation["generator_power_W"]) <= 5e3 * 1.001
-    assert along(found) > 0.9
+    assert energy(same_blade) * (1.0 - 1e-5) <= energy(solution) <= energy(best) * (1.0 + 1e-5)
+    assert np.max(solution.simulation["generator_power_W"]) <= 5e3 * 1.001
+    assert along(solution) > 0.9
 
 
 @pytest.mark.slow
@@ -69,6 +69,6 @@ def test_power_limit_is_kept_by_underspeed(solve):
     """Within half a per cent of open loop, which no law of the speed alone can."""
     tracking = "control={law: tracking, knots: 12, proportional_gain: 300, integral_gain: 6000}"
     power = "limits.power=5 kW", "start.branch=underspeed", f"rotor.stations={NINE}"
-    found, best = solve("sine_oloc", tracking, *power), solve("sine_oloc", *power)
-    assert energy(found) == pytest.approx(energy(best), rel=5e-3)
-    assert along(found) < -0.5
+    solution, best = solve("sine_oloc", tracking, *power), solve("sine_oloc", *power)
+    assert energy(solution) == pytest.approx(energy(best), rel=5e-3)
+    assert along(solution) < -0.5

@@ -45,9 +45,9 @@ BINS = [*zip(HISTOGRAM["speeds"], SECONDS, strict=True)][1:]
 """Speed and seconds of the bins; the first one is below cut-in."""
 
 
-def plant_of(world, polar=None):
-    """Return the rotor of the world's blade, by direct BEM."""
-    return Plant(world.blade, polar or world.rotor.polar, 1.0, 1000.0, bem.rotor_coefficients)
+def plant_of(model, polar=None):
+    """Return the rotor of the model's blade, by direct BEM."""
+    return Plant(model.blade, polar or model.rotor.polar, 1.0, 1000.0, bem.rotor_coefficients)
 
 
 def power_of(plant, law, gain, flow):
@@ -79,12 +79,12 @@ def year(tmp_path_factory):
 @pytest.mark.parametrize("law", ["open_loop", "linear", "tracking"])
 def test_derivatives_are_those_of_differences(law):
     asked = {"resource": HISTOGRAM, "control": law, "limits": {"thrust": "9 kN"}}
-    world = physics(load_case(asked | {"start": {"method": "blade"}}))
-    start = find_start(world, best_operation(world.blade, world.rotor.polar))
-    problem = assemble(world, Setup(start, curve_nodes(world, start)))
+    model = physics(load_case(asked | {"start": {"method": "blade"}}))
+    start = find_start(model, best_operation(model.blade, model.rotor.polar))
+    problem = assemble(model, Setup(start, curve_nodes(model, start)))
     problem.run_model()
-    about = {"method": "fd", "form": "central", "step_calc": "rel_avg", "out_stream": None}
-    data = problem.check_totals(step=1e-6, driver_scaling=True, **about)
+    options = {"method": "fd", "form": "central", "step_calc": "rel_avg", "out_stream": None}
+    data = problem.check_totals(step=1e-6, driver_scaling=True, **options)
     assert_check_totals(data, atol=2e-6, rtol=2e-5)
 
 
@@ -104,8 +104,8 @@ def test_a_years_design_is_simulated_in_a_record_as_long_as_that_is(year, tmp_pa
     rows = [f"{time},{flow:.12g}" for time in range(25)]
     path = tmp_path / "record.csv"
     path.write_text("\n".join(("time_s,speed_m_s", *rows)))
-    (found,) = runs_of(year, {"profile": "record", "file": str(path)})
-    simulated = found.simulation
+    (result,) = runs_of(year, {"profile": "record", "file": str(path)})
+    simulated = result.simulation
     assert simulated.time[-1] == 24.0
     last = simulated.hydrodynamic_torque[-1] * simulated.rotor_speed[-1]
     assert last == pytest.approx(power, rel=1e-6)
@@ -113,19 +113,19 @@ def test_a_years_design_is_simulated_in_a_record_as_long_as_that_is(year, tmp_pa
     assert np.allclose(simulated.rotor_speed, simulated.rotor_speed[-1], rtol=1e-6)
     # through gusts above the cut-out of mean speeds too, which is told
     stopped = replace(year, case=year.case.with_overrides(f"control.cut_out={0.9 * flow}"))
-    (found,) = runs_of(stopped, {"profile": "record", "file": str(path)})
-    assert "for 100 % of the time" in found.extremes["flow above the cut-out"].remark
+    (result,) = runs_of(stopped, {"profile": "record", "file": str(path)})
+    assert "for 100 % of the time" in result.extremes["flow above the cut-out"].remark
 
 
 @pytest.mark.slow
 def test_jumps_of_the_torque_between_the_flows_of_a_year_do_not_matter(tmp_path):
     flow = {"speeds": [0.9, 1.3, 1.7, 2.1], "hours": [3000, 3000, 2000, 766], "cut_in": 0.7}
-    about = {"rotor": {"blade": "river"}, "limits": {"power": "1.5 kW"}}
-    about |= {"control": {"law": "tracking", "knots": 4}, "design": {"blade": "fixed"}}
-    found = run(tmp_path, resource={"profile": "histogram", **flow}, **about)
-    assert found.success, found.message
-    assert found.summary.branches[0].name == "underspeed"
-    assert len(found.summary.passes) == 1
+    data = {"rotor": {"blade": "river"}, "limits": {"power": "1.5 kW"}}
+    data |= {"control": {"law": "tracking", "knots": 4}, "design": {"blade": "fixed"}}
+    solution = run(tmp_path, resource={"profile": "histogram", **flow}, **data)
+    assert solution.success, solution.message
+    assert solution.summary.branches[0].name == "underspeed"
+    assert len(solution.summary.passes) == 1
 
 
 def test_the_uncertainty_of_the_speed_is_that_of_a_faster_and_a_slower_year(year):
@@ -135,13 +135,13 @@ def test_the_uncertainty_of_the_speed_is_that_of_a_faster_and_a_slower_year(year
     def energy(scale):
         return sum(time * power_of(plant, law, year.gain, scale * abs(v)) for v, time in BINS)
 
-    told = year.summary.scenarios["phase"].year
+    entry = year.summary.scenarios["phase"].year
     share = 0.02 * (energy(1.01) - energy(0.99)) / (0.02 * energy(1.0))
-    assert told.uncertainty == told.uncertainty_by["speed"] == pytest.approx(share, rel=0.02)
+    assert entry.uncertainty == entry.uncertainty_by["speed"] == pytest.approx(share, rel=0.02)
     rows = {row.label: row for row in year.summary.rows(year.case)}
     row, energy = rows["standard uncertainty of annual energy"], rows["annual energy"]
     assert (row.value, row.unit) == (pytest.approx(100.0 * share, rel=0.02), "%")
-    assert (energy.value, energy.unit) == (told.energy_kWh, "kWh")
+    assert (energy.value, energy.unit) == (entry.energy_kWh, "kWh")
 
 
 @pytest.mark.parametrize("intensity", [0.0, 0.1])
@@ -156,17 +156,17 @@ def test_hours_that_cross_the_cut_off_speeds_count_in_the_uncertainty(intensity)
     def power(speed):
         return speed**3 / (1.0 + (speed / 2.0) ** 8)
 
-    known = {"inflow_speed": speed, "electrical_power": power(speed)}
-    found = uncertainty([SimpleNamespace(scenario=scenario, integrated=known)])
+    series = {"inflow_speed": speed, "electrical_power": power(speed)}
+    parts = uncertainty([SimpleNamespace(scenario=scenario, integrated=series)])
     rank = (np.arange(2000) + 0.5) / 2000.0
     flow = np.outer(weibull_min.ppf(rank, 2.2, scale=1.4), 1.0 + intensity * norm.ppf(rank))
 
     def energy(scale):
-        met = scale * flow
-        return np.sum(power(met[(met > 0.7) & (met < 1.9)]))
+        speeds = scale * flow
+        return np.sum(power(speeds[(speeds > 0.7) & (speeds < 1.9)]))
 
     expected = abs(energy(1.03) - energy(0.97)) / (2.0 * energy(1.0))
-    assert found == {"speed": pytest.approx(expected, abs=2e-3)}  # bins of 0.1 m/s
+    assert parts == {"speed": pytest.approx(expected, abs=2e-3)}  # bins of 0.1 m/s
 
 
 def test_rows_of_a_turbulent_year_have_the_hours_of_the_resource():
@@ -175,11 +175,11 @@ def test_rows_of_a_turbulent_year_have_the_hours_of_the_resource():
     resource |= {"turbulence_intensity": 0.1, "cut_in": 0.6}
     case = {"resource": resource, "control": {"law": "linear", "cut_out": 1.9}}
     scenario = physics(load_case(case)).scenarios[0]
-    known = dict.fromkeys(MEANS.values(), scenario.speeds**3)
-    found = table([SimpleNamespace(scenario=scenario, integrated=known)])
-    np.testing.assert_allclose(found["hours"], [0.7 * 8766.0, 0.3 * 8766.0])
+    series = dict.fromkeys(MEANS.values(), scenario.speeds**3)
+    columns = table([SimpleNamespace(scenario=scenario, integrated=series)])
+    np.testing.assert_allclose(columns["hours"], [0.7 * 8766.0, 0.3 * 8766.0])
     energy = scenario.node_weights @ scenario.speeds**3 / 3.6e6
-    assert np.sum(found["energy_kWh"]) == pytest.approx(energy, rel=1e-12)
+    assert np.sum(columns["energy_kWh"]) == pytest.approx(energy, rel=1e-12)
 
 
 def force_on_section(flow, chordwise, normal):
@@ -208,22 +208,22 @@ def reversed_polar(path):
 def test_a_section_in_flow_from_behind_has_the_forces_of_the_blade_in_its_own_frame(tmp_path):
     """The flow is along -x, the blade moves along -y, its trailing edge in front."""
     rotor = {"polar": reversed_polar(tmp_path / "reversed.csv")}
-    world = physics(load_case({"resource": HISTOGRAM, "control": QUADRATIC, "rotor": rotor}))
-    blade, ratio = world.blade, 6.0
-    found = bem.sections(blade, world.rotor.polar, np.array([ratio]))
+    model = physics(load_case({"resource": HISTOGRAM, "control": QUADRATIC, "rotor": rotor}))
+    blade, ratio = model.blade, 6.0
+    sections = bem.sections(blade, model.rotor.polar, np.array([ratio]))
     checked = 0
     for i, r in enumerate(blade.r):
-        if abs(found.angle_of_attack[0, i]) > np.deg2rad(18.0):
+        if abs(sections.angle_of_attack[0, i]) > np.deg2rad(18.0):
             continue  # beyond the file
-        axial = 1.0 - found.axial_induction[0, i]
-        turning = ratio * r / blade.rotor_radius * (1.0 + found.tangential_induction[0, i])
+        axial = 1.0 - sections.axial_induction[0, i]
+        turning = ratio * r / blade.rotor_radius * (1.0 + sections.tangential_induction[0, i])
         wind = np.array([-axial, turning])
         twist = blade.twist[i]
         chordwise = np.array([np.sin(twist), -np.cos(twist)])
         normal = np.array([np.cos(twist), np.sin(twist)])
         size = np.hypot(*wind)
         force = blade.chord[i] * size**2 * force_on_section(wind / size, chordwise, normal)
-        loads = found.normal_load[0, i], found.tangential_load[0, i]
+        loads = sections.normal_load[0, i], sections.tangential_load[0, i]
         np.testing.assert_allclose(-force, loads, rtol=2e-4, atol=1e-4)
         checked += 1
     assert checked > 5
@@ -234,17 +234,17 @@ def test_a_year_backwards_is_the_sum_over_its_bins(tmp_path):
     """Each direction with the polar of its own; limits hold in both."""
     file = reversed_polar(tmp_path / "reversed.csv")
     back = {"reversal": "backwards", "reversed_polar": file}
-    found = run(tmp_path / "a", resource=HISTOGRAM | back, control=QUADRATIC, **FIXED)
-    assert found.success, found.message
-    world, law = physics(found.case), found.case.control
-    rotor = found.case.rotor.model_copy(update={"polar": file})
-    plants = plant_of(world), plant_of(world, build_turbine(rotor, found.case.fluid, 1.0).polar)
-    total = sum(time * power_of(plants[v < 0.0], law, found.gain, abs(v)) for v, time in BINS)
-    assert found.summary.simulated_energy_J == pytest.approx(total, rel=1e-8)
-    assert np.sum(found.year["energy_kWh"]) * 3.6e6 == pytest.approx(0.9 * total, rel=1e-8)
-    rows = {row.label: row.text for row in found.summary.rows(found.case)}
+    solution = run(tmp_path / "a", resource=HISTOGRAM | back, control=QUADRATIC, **FIXED)
+    assert solution.success, solution.message
+    model, law = physics(solution.case), solution.case.control
+    rotor = solution.case.rotor.model_copy(update={"polar": file})
+    plants = plant_of(model), plant_of(model, build_turbine(rotor, solution.case.fluid, 1.0).polar)
+    total = sum(time * power_of(plants[v < 0.0], law, solution.gain, abs(v)) for v, time in BINS)
+    assert solution.summary.simulated_energy_J == pytest.approx(total, rel=1e-8)
+    assert np.sum(solution.year["energy_kWh"]) * 3.6e6 == pytest.approx(0.9 * total, rel=1e-8)
+    rows = {row.label: row.text for row in solution.summary.rows(solution.case)}
     assert "standstill 876.6 h" in rows["hours of operation"]
-    assert "year" in figures(found)
+    assert "year" in figures(solution)
     flows = [{"resource": HISTOGRAM | back}, {"inflow": "sine", "duration": 8.0, "segments": 8}]
     mixed = run(tmp_path / "b", scenarios=flows, control=QUADRATIC, **FIXED)
     assert mixed.success, mixed.message  # the nodes of the torque curve suit the reversed polar
@@ -252,15 +252,15 @@ def test_a_year_backwards_is_the_sum_over_its_bins(tmp_path):
 
 
 def test_a_year_is_reported(year):
-    told = year.summary.scenarios["phase"].year
-    assert told.operation_h == pytest.approx(0.9 * 8766.0)
-    assert told.standstill_h == pytest.approx(0.1 * 8766.0)
-    assert told.net_energy_kWh == pytest.approx(0.9 * told.energy_kWh)
+    entry = year.summary.scenarios["phase"].year
+    assert entry.operation_h == pytest.approx(0.9 * 8766.0)
+    assert entry.standstill_h == pytest.approx(0.1 * 8766.0)
+    assert entry.net_energy_kWh == pytest.approx(0.9 * entry.energy_kWh)
     most = float(np.max(year.simulation["electrical_power_W"]))  # at the edge of the last bin
-    assert told.capacity_factor == pytest.approx(told.net_energy_kWh / (8.766 * most), rel=1e-9)
+    assert entry.capacity_factor == pytest.approx(entry.net_energy_kWh / (8.766 * most), rel=1e-9)
     held = year.year["control_torque_Nm"] >= 0.999 * 900.0
-    assert told.limits_h["control_torque"] == pytest.approx(np.sum(year.year["hours"][held]))
-    assert told.limits_h["control_torque"] > 0.0
+    assert entry.limits_h["control_torque"] == pytest.approx(np.sum(year.year["hours"][held]))
+    assert entry.limits_h["control_torque"] > 0.0
     rows = {row.label: row.text for row in year.summary.rows(year.case)}
     assert rows["capacity factor"].endswith("at an end of the flow's range, which has no hours")
     weights = physics(year.case).scenarios[0].node_weights
@@ -277,40 +277,40 @@ def test_a_year_is_reported(year):
 def test_a_limit_holds_at_the_ends_of_the_flow_and_the_error_of_its_bins_is_told(tmp_path):
     """Simulated over time, and by the equilibria at all speeds of the sine."""
     scenario, limit = [{"name": "st", "steady": True}], {"power": "6.8 kW"}
-    about = {"inflow": "sine", "limits": limit, "control": QUADRATIC, **FIXED}
-    found = run(tmp_path / "a", scenarios=scenario, **about)
-    assert found.success, found.message
-    told = found.summary.scenarios["st"].limits["power"]
-    assert told.flow_m_s == pytest.approx(1.7, rel=1e-5)
-    assert told.value == pytest.approx(6800.0, rel=1e-4)
-    design, sine = found.design(), SineInflow()
+    data = {"inflow": "sine", "limits": limit, "control": QUADRATIC, **FIXED}
+    solution = run(tmp_path / "a", scenarios=scenario, **data)
+    assert solution.success, solution.message
+    entry = solution.summary.scenarios["st"].limits["power"]
+    assert entry.flow_m_s == pytest.approx(1.7, rel=1e-5)
+    assert entry.value == pytest.approx(6800.0, rel=1e-4)
+    design, sine = solution.design(), SineInflow()
     most = Run(design, sine).extremes["power"]
     assert most.kept
     assert most.value == pytest.approx(6800.0, rel=2e-3)
     flow = sine.speed_at(60.0 * (np.arange(2000) + 0.5) / 2000)
     speed, *_ = equilibria(design.plant, design.controller, np.sort(flow))
     power = speed * design.plant.torque(speed, np.sort(flow))
-    table = found.simulation
-    weights = physics(found.case).scenarios[0].node_weights
+    table = solution.simulation
+    weights = physics(solution.case).scenarios[0].node_weights
     binned = weights @ table["hydrodynamic_power_W"] / np.sum(weights)
-    assert found.summary.bins_error == pytest.approx(binned / np.mean(power) - 1.0, abs=2e-6)
+    assert solution.summary.bins_error == pytest.approx(binned / np.mean(power) - 1.0, abs=2e-6)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("law", "goal"), [("quadratic", "captured"), ("open_loop", "generator")])
 def test_a_year_of_one_speed_is_the_run_over_time(tmp_path, law, goal):
-    about = {"control": {"law": law, "torque_limit": 500.0}, "objective": goal, **FIXED, **TIGHT}
+    data = {"control": {"law": law, "torque_limit": 500.0}, "objective": goal, **FIXED, **TIGHT}
     one = {"profile": "histogram", "speeds": [1.3], "hours": [1]}
     flow = {"profile": "constant", "speed": 1.3}
     phase = {"duration": 10.0, "segments": 8}
-    steady = run(tmp_path / "a", resource=one, **about)
-    moving = run(tmp_path / "b", inflow=flow, phase=phase, **about)
+    steady = run(tmp_path / "a", resource=one, **data)
+    moving = run(tmp_path / "b", inflow=flow, phase=phase, **data)
     scenario = {"inflow": flow, "steady": True}
-    third = run(tmp_path / "c", scenarios=[scenario], phase=phase, **about)
+    third = run(tmp_path / "c", scenarios=[scenario], phase=phase, **data)
     power = steady.summary.objective.simulated / YEAR
-    for found, rel in ((moving, 1e-6), (third, 1e-9)):
-        assert steady.success and found.success  # noqa: PT018
-        assert found.summary.objective.simulated / 10.0 == pytest.approx(power, rel=rel)
+    for solution, rel in ((moving, 1e-6), (third, 1e-9)):
+        assert steady.success and solution.success  # noqa: PT018
+        assert solution.summary.objective.simulated / 10.0 == pytest.approx(power, rel=rel)
 
 
 @pytest.mark.slow
@@ -322,14 +322,14 @@ def test_steady_and_moving_scenarios_share_a_design(tmp_path):
         {"name": "year", "resource": HISTOGRAM, "weight": 3.0},
         {"name": "fast", "steady": True, "weight": 0.0, **fast},
     ]
-    found = run(tmp_path / "a", scenarios=flows, control=QUADRATIC, **FIXED)
-    assert found.success, found.message
-    told = found.summary.scenarios
-    powers = [told[name].mean_power_W for name in ("moving", "year")]
-    mean = found.summary.objective.simulated / found.case.phase.duration
+    solution = run(tmp_path / "a", scenarios=flows, control=QUADRATIC, **FIXED)
+    assert solution.success, solution.message
+    scenarios = solution.summary.scenarios
+    powers = [scenarios[name].mean_power_W for name in ("moving", "year")]
+    mean = solution.summary.objective.simulated / solution.case.phase.duration
     assert mean == pytest.approx(0.25 * powers[0] + 0.75 * powers[1], rel=1e-8)
-    assert told["fast"].limits["power"].value <= 6000.0 * (1.0 + 1e-4)
-    assert told["fast"].steady and not told["moving"].steady  # noqa: PT018
+    assert scenarios["fast"].limits["power"].value <= 6000.0 * (1.0 + 1e-4)
+    assert scenarios["fast"].steady and not scenarios["moving"].steady  # noqa: PT018
 
 
 def test_a_year_has_no_course_to_be_simulated_in(year):
@@ -340,12 +340,12 @@ def test_a_year_has_no_course_to_be_simulated_in(year):
 def test_a_finished_design_makes_in_another_year_the_sum_over_its_bins(year):
     speeds, hours = [0.9, 1.3, 1.9], np.array([4.0, 5.0, 6.0])
     plant, law = plant_of(physics(year.case)), year.case.control
-    (found,) = runs_of(year, {"profile": "histogram", "speeds": speeds, "hours": hours.tolist()})
+    (result,) = runs_of(year, {"profile": "histogram", "speeds": speeds, "hours": hours.tolist()})
     powers = [power_of(plant, law, year.gain, flow) for flow in speeds]
     total = float(hours @ powers) / np.sum(hours) * YEAR
-    assert found.energies["energy"] == pytest.approx(total, rel=1e-8)
-    assert found.lines()[0].startswith(f"annual energy: {total / 3.6e6:.6g} kWh")
-    assert found.extremes["control_torque"].flow_m_s > 1.9
+    assert result.energies["energy"] == pytest.approx(total, rel=1e-8)
+    assert result.lines()[0].startswith(f"annual energy: {total / 3.6e6:.6g} kWh")
+    assert result.extremes["control_torque"].flow_m_s > 1.9
     # with another torque constant, too, as over time
     worn = replace(year, case=year.case.with_overrides("condition.torque_constant=0.8"))
     (steady,) = runs_of(worn, {"profile": "histogram", "speeds": [1.9], "hours": [1]})
@@ -353,7 +353,7 @@ def test_a_finished_design_makes_in_another_year_the_sum_over_its_bins(year):
     power = moving.energies["energy"] / 60.0
     assert steady.energies["energy"] / YEAR == pytest.approx(power, rel=1e-6)
     assert power < 0.99 * powers[-1]
-    stalled = replace(found, design=replace(found.design, gains=1e4 * found.design.gains))
+    stalled = replace(result, design=replace(result.design, gains=1e4 * result.design.gains))
     with pytest.raises(InputError, match=r"no equilibrium of the rotor in a flow of .* cut_in"):
         stalled.lines()
 
@@ -374,9 +374,9 @@ def test_a_month_of_a_tide_over_time_is_refused_and_the_steady_scenario_offered(
     assert not (tmp_path / "never").exists()
     check_case(load_case(data | {"control": "open_loop"}))
     scenario = {"inflow": MONTH, "steady": True}
-    world = physics(load_case(data | {"inflow": "sine", "scenarios": [scenario]}))
-    assert not world.warnings
-    found = world.scenarios[0]
-    tide = found.resource.speed_at(np.linspace(0.0, 14 * 86400.0, 20001))
-    mean = found.node_weights @ found.speeds**3 / found.duration
+    model = physics(load_case(data | {"inflow": "sine", "scenarios": [scenario]}))
+    assert not model.warnings
+    steady = model.scenarios[0]
+    tide = steady.resource.speed_at(np.linspace(0.0, 14 * 86400.0, 20001))
+    mean = steady.node_weights @ steady.speeds**3 / steady.duration
     assert mean == pytest.approx(np.mean(tide**3), rel=2e-4)
