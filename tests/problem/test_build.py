@@ -36,10 +36,10 @@ def coarse_physics(control, more="", segments=5, extensions=()):
     return physics(read_case(f"inflow: sine\n{control}\n{phase}\n{more}", extensions=extensions))
 
 
-def assembled(world, **options):
+def assembled(model, **options):
     """Return the problem of some physics at the start of its own blade, run once."""
-    start = find_start(world, world.rotor.best_operation(world.blade))
-    problem = assemble(world, Setup(start, NODES, **options))
+    start = find_start(model, model.rotor.best_operation(model.blade))
+    problem = assemble(model, Setup(start, NODES, **options))
     problem.run_model()
     return problem, start
 
@@ -57,8 +57,8 @@ def test_a_state_that_is_zero_in_equilibrium_is_scaled():
 
 
 def check_totals(problem):
-    about = {"method": "fd", "form": "central", "step": 1e-6, "step_calc": "rel_avg"}
-    data = problem.check_totals(**about, out_stream=None, driver_scaling=True)
+    options = {"method": "fd", "form": "central", "step": 1e-6, "step_calc": "rel_avg"}
+    data = problem.check_totals(**options, out_stream=None, driver_scaling=True)
     assert_check_totals(data, atol=2e-6, rtol=2e-5)
 
 
@@ -69,8 +69,8 @@ def test_totals_of_a_coarse_problem(name, torque):
 
     Substitution in the sparse Jacobian gives what OpenMDAO's linear solves give.
     """
-    world = coarse_physics(VARIANTS[name], f"hydrodynamics: {{torque: {torque}}}")
-    problem, _ = assembled(world)
+    model = coarse_physics(VARIANTS[name], f"hydrodynamics: {{torque: {torque}}}")
+    problem, _ = assembled(model)
     check_totals(problem)
     assert_sparse_totals_are_openmdaos(problem)
 
@@ -97,8 +97,8 @@ def test_the_start_is_nearly_feasible(name):
         if "control_torque" not in key
     }
     # a schedule ends at the speed of its flow, and a fitted gain may be too close to stall
-    known = {"phase_gain_of_speed.change": 0.15, "limit_distance_from_stall.value": 0.06}
-    assert all(over < known.get(key, 0.05) for key, over in violations.items()), violations
+    tolerances = {"phase_gain_of_speed.change": 0.15, "limit_distance_from_stall.value": 0.06}
+    assert all(over < tolerances.get(key, 0.05) for key, over in violations.items()), violations
 
 
 def assert_sparse_totals_are_openmdaos(problem):
@@ -106,29 +106,29 @@ def assert_sparse_totals_are_openmdaos(problem):
     problem.final_setup()
     driver._coloring_info.deactivate()
     sparse = problem.model.linear_solver.totals(driver, [*driver._objs, *driver._cons])
-    own = driver._compute_totals(return_format="array")
-    found = sparse.compute().toarray()
-    np.testing.assert_allclose(found, own, rtol=1e-10, atol=1e-12 * np.max(np.abs(own)))
+    expected = driver._compute_totals(return_format="array")
+    totals = sparse.compute().toarray()
+    np.testing.assert_allclose(totals, expected, rtol=1e-10, atol=1e-12 * np.max(np.abs(expected)))
 
 
 @pytest.mark.parametrize("name", ["open loop in speed", "open loop in torque"])
 def test_values_of_a_control_are_scaled_by_the_root_of_the_time_they_stand_for(name):
     """So that the same function of time has the same size on any mesh; one scale on equal ones."""
-    world = coarse_physics(VARIANTS[name])
-    equal = replace(world.scenarios[0], edges=np.linspace(0.0, 20.0, 11))
+    model = coarse_physics(VARIANTS[name])
+    equal = replace(model.scenarios[0], edges=np.linspace(0.0, 20.0, 11))
     control = "rotor_speed" if "speed" in name else "control_torque"
 
     def scales(scenario):
-        problem, _ = assembled(replace(world, scenarios=(scenario,)))
+        problem, _ = assembled(replace(model, scenarios=(scenario,)))
         problem.final_setup()
         values = problem.driver.get_design_var_values
         name = f"traj.phase.controls:{control}"
         return values(driver_scaling=True)[name] / values(driver_scaling=False)[name]
 
     unequal = equal.divided(np.array([1, 4, 1, 1, 2, 1, 1, 1, 1, 16]))
-    found = scales(unequal)
+    factors = scales(unequal)
     lengths = np.diff(unequal.edges)
-    middles, shared = found[1::2], found[2:-1:2]
+    middles, shared = factors[1::2], factors[2:-1:2]
     np.testing.assert_allclose(middles / middles[0], np.sqrt(lengths / lengths[0]), rtol=1e-10)
     means = 0.5 * (lengths[1:] + lengths[:-1])
     np.testing.assert_allclose(shared / middles[0], np.sqrt(means / lengths[0]), rtol=1e-10)
@@ -137,11 +137,11 @@ def test_values_of_a_control_are_scaled_by_the_root_of_the_time_they_stand_for(n
 
 
 def test_a_limit_is_narrowed_at_both_ends_where_it_is_exceeded_between_nodes():
-    world = coarse_physics(VARIANTS["open loop in speed"])
-    kept = np.ones(world.scenarios[0].segments)
+    model = coarse_physics(VARIANTS["open loop in speed"])
+    kept = np.ones(model.scenarios[0].segments)
     kept[2] = 0.98
-    shares = {("control_torque", world.scenarios[0].name): kept}
-    problem, _ = assembled(world, shares=shares)
+    shares = {("control_torque", model.scenarios[0].name): kept}
+    problem, _ = assembled(model, shares=shares)
     problem.final_setup()
     constraints = problem.model.get_constraints().items()
     (bounds,) = (meta for name, meta in constraints if name.endswith("control_torque"))
@@ -152,16 +152,16 @@ def test_a_limit_is_narrowed_at_both_ends_where_it_is_exceeded_between_nodes():
 
 
 def test_an_open_loop_keeps_a_limit_between_nodes_where_it_nearly_binds():
-    world = coarse_physics(VARIANTS["open loop in speed"])
-    scenario, key = world.scenarios[0], ("control_torque", world.scenarios[0].name)
+    model = coarse_physics(VARIANTS["open loop in speed"])
+    scenario, key = model.scenarios[0], ("control_torque", model.scenarios[0].name)
 
     def held(last):
         excess = np.tile(np.append(np.full(scenario.segments - 1, -0.5), last), (2, 1)).T
         shares = {key: np.ones(scenario.segments)}
-        problem, _ = assembled(world, excess={key: excess}, shares=shares)
+        problem, _ = assembled(model, excess={key: excess}, shares=shares)
         problem.run_model()
-        found = problem.driver.get_constraint_values(driver_scaling=False)
-        return problem, [each for name, each in found.items() if "torque" in name]
+        values = problem.driver.get_constraint_values(driver_scaling=False)
+        return problem, [each for name, each in values.items() if "torque" in name]
 
     problem, (_, between) = held(-0.005)
     torque = problem.get_val(scenario.source("control_torque")).ravel()[-3:]
@@ -173,39 +173,39 @@ def test_an_open_loop_keeps_a_limit_between_nodes_where_it_nearly_binds():
 
 def test_a_limit_is_narrowed_at_one_speed_of_a_steady_scenario():
     flow = {"profile": "histogram", "speeds": [1.0, 1.1, 1.2], "hours": [1, 1, 1]}
-    world = physics(load_case({"resource": flow, "control": "quadratic"}))
-    each, limit = world.scenarios[0], world.all_limits[0]
-    kept = np.linspace(0.9, 1.0, each.segments)
-    shares = Setup(None, None, shares={(limit.name, each.name): kept})
-    assert list(shares.share_at(limit, each, each.distinct_nodes)) == list(kept)
+    model = physics(load_case({"resource": flow, "control": "quadratic"}))
+    scenario, limit = model.scenarios[0], model.all_limits[0]
+    kept = np.linspace(0.9, 1.0, scenario.segments)
+    shares = Setup(None, None, shares={(limit.name, scenario.name): kept})
+    assert list(shares.share_at(limit, scenario, scenario.distinct_nodes)) == list(kept)
 
 
 # Two scenarios ------------------------------------------------------------------------------------
 
 
-def two_flows(world, segments=6):
+def two_flows(model, segments=6):
     """Return some physics in its own flow and in a step, of another duration and mesh."""
     step = StepInflow(before=1.2, after=1.5, time=6.0, width=1.5)
     mesh = Phase(segments=segments, duration=12.0)
-    other = Scenario(step, mesh, weight=0.3, name="step", limits=world.scenarios[0].limits)
-    return replace(world, scenarios=(replace(world.scenarios[0], weight=0.7), other))
+    other = Scenario(step, mesh, weight=0.3, name="step", limits=model.scenarios[0].limits)
+    return replace(model, scenarios=(replace(model.scenarios[0], weight=0.7), other))
 
 
 @pytest.mark.parametrize("name", VARIANTS)
 def test_energy_of_two_scenarios_is_the_weighted_sum_of_the_single_ones(name):
-    world = two_flows(coarse_physics(VARIANTS[name]))
-    both, _ = assembled(world)
+    model = two_flows(coarse_physics(VARIANTS[name]))
+    both, _ = assembled(model)
     for output in ("energy", "generator_energy", "objective"):
         parts = []
-        for scenario in world.scenarios:
+        for scenario in model.scenarios:
             weights = scenario.node_weights
             quantity = "generator_power" if output == "generator_energy" else "hydrodynamic_power"
             parts.append(weights @ both.get_val(f"{scenario.path}.{quantity}").ravel())
         expected = 0.7 * parts[0] + 0.3 * parts[1]
         assert both.get_val(output)[0] == pytest.approx(expected, rel=1e-13), output
     energies = []
-    for scenario in world.scenarios:
-        single, _ = assembled(replace(world, scenarios=(replace(scenario, weight=1.0),)))
+    for scenario in model.scenarios:
+        single, _ = assembled(replace(model, scenarios=(replace(scenario, weight=1.0),)))
         for name in single.model.get_design_vars():
             single.set_val(name, both.get_val(name))
         single.run_model()
@@ -222,33 +222,33 @@ def test_totals_of_two_scenarios(name):
 
 
 def test_totals_with_a_designed_radius_and_distance_from_stall_in_both_scenarios():
-    world = two_flows(coarse_physics(VARIANTS["quadratic"], "design: {radius_bounds: [1.2, 1.6]}"))
-    problem, _ = assembled(world)
+    model = two_flows(coarse_physics(VARIANTS["quadratic"], "design: {radius_bounds: [1.2, 1.6]}"))
+    problem, _ = assembled(model)
     names = {f"limit_distance_from_stall{suffix}.value" for suffix in ("", "_step")}
     assert names <= set(problem.driver.get_constraint_values())
     check_totals(problem)
 
 
 def test_a_torque_curve_has_no_more_nodes_than_its_tolerance_needs():
-    worlds = (
+    models = (
         coarse_physics(VARIANTS["linear"], f"hydrodynamics: {{tolerance: {least}}}")
         for least in (1e-5, 1e-3)
     )
-    sizes = [curve_nodes(world, assembled(world)[1]).size for world in worlds]
+    sizes = [curve_nodes(model, assembled(model)[1]).size for model in models]
     assert sizes[0] > 1.2 * sizes[1]
 
 
 def test_a_torque_curve_has_more_nodes_where_the_torque_bends_but_none_at_a_jump(monkeypatch):
-    world, sizes = coarse_physics(VARIANTS["linear"]), []
-    start = assembled(world)[1]
-    middle = np.mean(on_start(world, start)[0]["tip_speed_ratio"])
+    model, sizes = coarse_physics(VARIANTS["linear"]), []
+    start = assembled(model)[1]
+    middle = np.mean(on_start(model, start)[0]["tip_speed_ratio"])
     for width in (10.0, 0.01, 1e-9):
 
         def step(_rotor, _blade, ratios, _names, width=width):
             return {"torque_coefficient": Table(1.0 + 0.01 * np.tanh((ratios - middle) / width))}
 
         monkeypatch.setattr(RotorModel, "tables", step)
-        sizes.append(curve_nodes(world, start, 0.7).size)
+        sizes.append(curve_nodes(model, start, 0.7).size)
     smooth, bent, jump = sizes
     assert smooth < jump < 0.9 * bent
 
@@ -257,11 +257,11 @@ def test_a_rotor_is_held_to_its_distance_from_stall_where_it_has_settled():
     """A heavy one never does but in its initial equilibrium, or without time."""
     sizes = []
     for hub, timeless in ((0.0, False), (1e5, False), (1e5, True)):
-        world = coarse_physics(VARIANTS["quadratic"], f"rotor: {{hub_inertia: {hub}}}")
-        problem, _ = assembled(without_time(world) if timeless else world)
-        found = problem.driver.get_constraint_values()["limit_distance_from_stall.value"]
-        sizes.append(found.size)
-    assert sizes == [world.scenarios[0].node_times.size, 1, KNOTS]
+        model = coarse_physics(VARIANTS["quadratic"], f"rotor: {{hub_inertia: {hub}}}")
+        problem, _ = assembled(without_time(model) if timeless else model)
+        values = problem.driver.get_constraint_values()["limit_distance_from_stall.value"]
+        sizes.append(values.size)
+    assert sizes == [model.scenarios[0].node_times.size, 1, KNOTS]
 
 
 # The public problem -------------------------------------------------------------------------------

@@ -133,8 +133,8 @@ def test_integrals_are_weighted_sums_over_all_scenarios():
 
 def test_a_rate_of_power_speed_and_size():
     power, speed = np.random.default_rng(3).uniform(1.0, 9.0, (2, N))
-    known = {"generator_power": power, "rotor_speed": speed, "rotor_radius": RADIUS}
-    problem = checked(FormulaComp(formula=PaidPower(), size=N), **known)
+    inputs = {"generator_power": power, "rotor_speed": speed, "rotor_radius": RADIUS}
+    problem = checked(FormulaComp(formula=PaidPower(), size=N), **inputs)
     expected = power - 2.0 * RADIUS * speed**2
     np.testing.assert_allclose(problem.get_val("value", units="W"), expected, rtol=1e-14)
 
@@ -155,9 +155,9 @@ def test_a_rate_of_loads_span_and_design_is_a_mean_of_each_scenario():
     weights = {"a_1": [[0.2, 0.3], [0, 0]], "b": [[0, 0], [0.6, 0.4]], "a_2": [[0.5], [0]]}
     chord, thrust = np.array([0.2, 0.15, 0.1]), {"a_1": [3.0, 4.0], "b": [5.0, 6.0], "a_2": [7.0]}
     rates = {}
-    for name, each in thrust.items():
-        component = FormulaComp(formula=ThrustPerArea(), size=len(each))
-        problem = checked(component, thrust=each, chord=chord, blade_area=0.5)
+    for name, values in thrust.items():
+        component = FormulaComp(formula=ThrustPerArea(), size=len(values))
+        problem = checked(component, thrust=values, chord=chord, blade_area=0.5)
         rates[name] = problem.get_val("value", units="Pa")
     problem = checked(LinearComp(weights, "Pa", "mean_rate", {"units": "Pa"}), **rates)
     means = [0.2 * 3.0 + 0.3 * 4.0 + 0.5 * 7.0, 0.6 * 5.0 + 0.4 * 6.0]
@@ -200,13 +200,13 @@ def test_limits_along_the_span_and_over_time_with_it():
 
 def test_aggregates_of_mean_rates():
     rates, shares = np.array([4e3, 2e3, 3e3]), np.array([0.5, 0.3, 0.2])
-    about = {"shares": shares, "duration": 60.0, "objective": CapturedEnergy()}
-    component = AggregateComp(aggregate=Expected(), **about)
+    options = {"shares": shares, "duration": 60.0, "objective": CapturedEnergy()}
+    component = AggregateComp(aggregate=Expected(), **options)
     problem = checked(component, mean_rate=rates)
     expected = 60.0 * (0.5 * 4e3 + 0.3 * 2e3 + 0.2 * 3e3)
     np.testing.assert_allclose(problem.get_val("objective"), expected, rtol=1e-15)
     worst = Worst()
-    component = AggregateComp(aggregate=worst, **about)
+    component = AggregateComp(aggregate=worst, **options)
     problem = checked(component, mean_rate=rates, unknowns=[1.5e3])
     np.testing.assert_allclose(problem.get_val("objective"), 60.0 * 1.5e3)
     np.testing.assert_allclose(problem.get_val("rows"), [2.5e3, 0.5e3, 1.5e3])

@@ -45,11 +45,11 @@ def but(names, quick):
 
 def case_of(rotor, depth=True):
     """Return a case of a rotor: a shipped one by its name, or what it adds to the default one."""
-    given = ROTORS[rotor]
-    if isinstance(given, str):
-        return load_case(given, ["site.hub_depth=30"] if depth else [])
+    spec = ROTORS[rotor]
+    if isinstance(spec, str):
+        return load_case(spec, ["site.hub_depth=30"] if depth else [])
     more = {"site": {"hub_depth": 4}} if depth else {}
-    return load_case({"inflow": "sine", "control": {"law": "quadratic"}} | more | given)
+    return load_case({"inflow": "sine", "control": {"law": "quadratic"}} | more | spec)
 
 
 def model_of(group, **inputs):
@@ -69,48 +69,48 @@ def model_of(group, **inputs):
 @pytest.mark.parametrize("rotor", but(ROTORS, ["paper", "designed thickness"]))
 def test_rotor_has_the_performance_loads_and_mass_of_its_blade(rotor):
     case = case_of(rotor)
-    world = physics(case)
+    model = physics(case)
     problem = model_of(RotorGroup(case, num_points=4), inflow_speed=FLOW)
-    blade, ratio = world.blade, problem["tip_speed_ratio"]
-    assert ratio == pytest.approx(world.rotor.best_operation(blade).tip_speed_ratio, rel=1e-12)
-    found, radius = world.rotor.coefficients(blade, ratio), blade.rotor_radius
-    pressure, area = 0.5 * world.density * FLOW**2, np.pi * radius**2
+    blade, ratio = model.blade, problem["tip_speed_ratio"]
+    assert ratio == pytest.approx(model.rotor.best_operation(blade).tip_speed_ratio, rel=1e-12)
+    values, radius = model.rotor.coefficients(blade, ratio), blade.rotor_radius
+    pressure, area = 0.5 * model.density * FLOW**2, np.pi * radius**2
     for name in ("torque", "power", "thrust"):
-        np.testing.assert_allclose(problem[f"{name}_coefficient"], getattr(found, name), rtol=1e-8)
+        np.testing.assert_allclose(problem[f"{name}_coefficient"], getattr(values, name), rtol=1e-8)
     speed = ratio * FLOW / radius
     np.testing.assert_allclose(problem["rotor_speed"], speed, rtol=1e-12)
-    power = pressure * FLOW * area * found.power
+    power = pressure * FLOW * area * values.power
     np.testing.assert_allclose(problem["hydrodynamic_power"], power, rtol=1e-8)
     np.testing.assert_allclose(problem["hydrodynamic_torque"] * speed, power, rtol=1e-8)
-    np.testing.assert_allclose(problem["thrust"], pressure * area * found.thrust, rtol=1e-8)
-    for name, load in world.rotor.loads(blade, ratio).items():
+    np.testing.assert_allclose(problem["thrust"], pressure * area * values.thrust, rtol=1e-8)
+    for name, load in model.rotor.loads(blade, ratio).items():
         over = problem[name] / (pressure * load.largest) - 1.0
         assert np.all(over > -1e-8), name
         assert np.all(over < (0.03 if name in ("stress", "cavitation") else 1e-8)), name
-    assert set(world.rotor.load_names) == set(LOADS)
-    mass = world.rotor.mass_and_inertia(blade)
+    assert set(model.rotor.load_names) == set(LOADS)
+    mass = model.rotor.mass_and_inertia(blade)
     assert (problem["mass"][0], problem["inertia"][0]) == pytest.approx(mass[:2], rel=1e-8)
 
 
-@pytest.mark.parametrize("given", ["tip_speed_ratio", "rotor_speed"])
+@pytest.mark.parametrize("quantity", ["tip_speed_ratio", "rotor_speed"])
 @pytest.mark.parametrize("rotor", but(ROTORS, ["paper", "rm1"]))
-def test_totals_of_the_rotor_by_every_input(rotor, given):
+def test_totals_of_the_rotor_by_every_input(rotor, quantity):
     """BEM by central differences in the model, whose formulas are by complex step below."""
-    problem = model_of(RotorGroup(case_of(rotor), num_points=4, given=given), inflow_speed=FLOW)
-    problem.set_val(given, problem[given] * [0.95, 1.03, 1.1, 1.2])  # off the best ratio
+    problem = model_of(RotorGroup(case_of(rotor), num_points=4, given=quantity), inflow_speed=FLOW)
+    problem.set_val(quantity, problem[quantity] * [0.95, 1.03, 1.1, 1.2])  # off the best ratio
     problem.run_model()
     shaped = [f"{name}_control" for name in ("chord", "twist", "thickness")]
-    known = {meta["prom_name"] for _, meta in problem.model.list_inputs(out_stream=None)}
-    inputs = ["inflow_speed", given, "rotor_radius", "density", *known.intersection(shaped)]
+    names = {meta["prom_name"] for _, meta in problem.model.list_inputs(out_stream=None)}
+    inputs = ["inflow_speed", quantity, "rotor_radius", "density", *names.intersection(shaped)]
     assert len(inputs) >= 5
     for name in inputs:
         size = np.max(np.abs(problem[name]))
-        about = {"method": "fd", "form": "central", "step": 1e-6 * max(size, 1e-2)}
-        totals = problem.check_totals(of=list(OUTPUTS), wrt=[name], out_stream=None, **about)
-        for (output, _), each in totals.items():
+        options = {"method": "fd", "form": "central", "step": 1e-6 * max(size, 1e-2)}
+        totals = problem.check_totals(of=list(OUTPUTS), wrt=[name], out_stream=None, **options)
+        for (output, _), entry in totals.items():
             noise = 1e-6 * np.max(np.abs(problem[output])) / max(size, 1e-2)
-            own = each["J_fwd"] if "J_fwd" in each else each["J_rev"]
-            np.testing.assert_allclose(own, each["J_fd"], rtol=1e-5, atol=noise, err_msg=output)
+            total = entry["J_fwd"] if "J_fwd" in entry else entry["J_rev"]
+            np.testing.assert_allclose(total, entry["J_fd"], rtol=1e-5, atol=noise, err_msg=output)
 
 
 @pytest.mark.parametrize("rotor", ROTORS)
@@ -133,7 +133,7 @@ def test_rotor_without_depth_has_no_cavitation_and_local_reynolds_numbers_are_re
 
 
 @pytest.mark.parametrize(
-    ("given", "values", "words"),
+    ("quantity", "values", "words"),
     [
         ("tip_speed_ratio", {"tip_speed_ratio": [2.0, -1.0]}, "tip_speed_ratio = -1 is not pos"),
         ("rotor_speed", {"inflow_speed": 0.0}, "inflow_speed = 0 is not positive"),
@@ -142,8 +142,8 @@ def test_rotor_without_depth_has_no_cavitation_and_local_reynolds_numbers_are_re
         ("tip_speed_ratio", {"twist_control": np.nan}, "twist = nan is not finite"),
     ],
 )
-def test_a_point_without_a_rotor_is_one_that_a_driver_may_leave(given, values, words):
-    problem = model_of(RotorGroup(case_of("paper"), num_points=2, given=given))
+def test_a_point_without_a_rotor_is_one_that_a_driver_may_leave(quantity, values, words):
+    problem = model_of(RotorGroup(case_of("paper"), num_points=2, given=quantity))
     for name, value in values.items():
         problem.set_val(name, value)
     refused = pytest.raises(om.AnalysisError, match=words)
@@ -153,8 +153,8 @@ def test_a_point_without_a_rotor_is_one_that_a_driver_may_leave(given, values, w
 
 def test_complex_step_through_a_rotor_is_refused():
     problem = model_of(RotorGroup(case_of("paper")))
-    told = r"group\.blades\.\w+: takes no complex numbers, .*use its exact partials"
-    with pytest.raises(InputError, match=told):
+    message = r"group\.blades\.\w+: takes no complex numbers, .*use its exact partials"
+    with pytest.raises(InputError, match=message):
         problem.check_totals(of=["power_coefficient"], wrt=["twist_control"], method="cs")
 
 
@@ -172,8 +172,8 @@ SHORT = {"inflow": "sine", "phase": {"duration": 12, "segments": 12}}
 def test_turbine_ends_at_the_optimum_of_the_case_by_another_driver(law):
     """With the case's own objective: by SciPy with OpenMDAO's totals, as by our own drivers."""
     case = load_case(SHORT | LAWS[law])
-    own = build_problem(case)
-    own.run_model()
+    problem = build_problem(case)
+    problem.run_model()
     other = om.Problem(reports=False)
     other.model.add_subsystem("turbine", TurbineGroup(case))
     other.model.add_objective("turbine.energy", ref=-1e4)
@@ -181,11 +181,11 @@ def test_turbine_ends_at_the_optimum_of_the_case_by_another_driver(law):
     other.driver.declare_coloring(show_summary=False)
     other.setup()
     other.run_model()
-    assert other["turbine.energy"] == pytest.approx(own["energy"], rel=1e-13)
-    assert own.run_driver() is not None
-    assert own.driver.outcome().success
+    assert other["turbine.energy"] == pytest.approx(problem["energy"], rel=1e-13)
+    assert problem.run_driver() is not None
+    assert problem.driver.outcome().success
     assert other.run_driver().success
-    assert other["turbine.energy"] == pytest.approx(own["energy"], rel=1e-6)
+    assert other["turbine.energy"] == pytest.approx(problem["energy"], rel=1e-6)
 
 
 def test_turbine_begins_at_the_design_of_a_result():
@@ -214,18 +214,18 @@ MORE = {
 @pytest.mark.parametrize("name", but(MORE, ["two flows", "states of a law", "torque as unknown"]))
 def test_turbine_has_the_values_and_constraints_of_the_cases_own_problem(name):
     case = load_case(SHORT | LAWS["quadratic"] | MORE[name])
-    own, other = build_problem(case, improve=False), om.Problem(reports=False)
+    base, other = build_problem(case, improve=False), om.Problem(reports=False)
     other.model.add_subsystem("turbine", TurbineGroup(case, improve=False))
     other.model.add_objective("turbine.objective")
     other.driver = om.ScipyOptimizeDriver()
     other.setup()
-    for problem in (own, other):
+    for problem in (base, other):
         problem.run_model()
-    assert other["turbine.objective"] == pytest.approx(own["objective"], rel=1e-13)
+    assert other["turbine.objective"] == pytest.approx(base["objective"], rel=1e-13)
     for kind in ("get_constraint_values", "get_design_var_values"):
-        found, told = ([*getattr(each.driver, kind)().values()] for each in (other, own))
-        assert len(found) == len(told) > 1
-        np.testing.assert_allclose(*map(np.sort, map(np.concatenate, (found, told))), rtol=1e-12)
+        group, wanted = ([*getattr(each.driver, kind)().values()] for each in (other, base))
+        assert len(group) == len(wanted) > 1
+        np.testing.assert_allclose(*map(np.sort, map(np.concatenate, (group, wanted))), rtol=1e-12)
 
 
 def test_partials_of_the_turbine_by_complex_step():

@@ -29,22 +29,22 @@ CHORD = np.array([0.1, 0.2, 0.15, 0.18])
 
 
 def test_closed_forms():
-    known = {"rotor_speed": SPEED, "rotor_radius": 1.4, "generator_power": POWER}
+    series = {"rotor_speed": SPEED, "rotor_radius": 1.4, "generator_power": POWER}
     for limit, value in (
         (PowerLimit(bound=5e3), POWER),
         (RotorSpeedLimit(bound=9.0), SPEED),
         (TipSpeedLimit(bound=12.6), 1.4 * SPEED),
     ):
-        np.testing.assert_allclose(limit.value_of(known), value)
-        np.testing.assert_allclose(limit.excess(known), value / limit.bound - 1.0, atol=1e-15)
+        np.testing.assert_allclose(limit.value_of(series), value)
+        np.testing.assert_allclose(limit.excess(series), value / limit.bound - 1.0, atol=1e-15)
         assert limit.place == "time"
 
 
 def test_a_rate_is_limited_whether_the_torque_rises_or_falls():
     limit = TorqueRateLimit(bound=500.0)
-    known = {"torque_rate": np.array([-600.0, -500.0, 0.0, 450.0])}
-    np.testing.assert_allclose(limit.excess(known), [0.2, 0.0, -1.0, -0.1], atol=1e-15)
-    np.testing.assert_array_equal(limit.reported(known), [600.0, 500.0, 0.0, 450.0])
+    series = {"torque_rate": np.array([-600.0, -500.0, 0.0, 450.0])}
+    np.testing.assert_allclose(limit.excess(series), [0.2, 0.0, -1.0, -0.1], atol=1e-15)
+    np.testing.assert_array_equal(limit.reported(series), [600.0, 500.0, 0.0, 450.0])
     assert limit.place == "time"
     power = {"generator_power": np.array([-9e3, 4e3])}
     np.testing.assert_array_equal(PowerLimit(bound=5e3).reported(power), [-9e3, 4e3])
@@ -58,8 +58,8 @@ def test_rate_of_the_torque_against_complex_step(transcription):
     matrices, time = {"control_torque": scenario.differentiation}, scenario.node_times
     rates = LinearComp(matrices, "N*m", "torque_rate", {"units": "N*m/s"})
     problem = checked(rates, 1e-10, 1e-12, control_torque=600.0 + 40.0 * time - 3.0 * time**2)
-    found = problem.get_val("torque_rate", units="N*m/s")
-    np.testing.assert_allclose(found, 40.0 - 6.0 * time, atol=1e-8)
+    values = problem.get_val("torque_rate", units="N*m/s")
+    np.testing.assert_allclose(values, 40.0 - 6.0 * time, atol=1e-8)
 
 
 def test_taper_is_asked_of_the_stations_outboard_of_a_place():
@@ -73,26 +73,26 @@ def test_taper_is_asked_of_the_stations_outboard_of_a_place():
 
 
 @pytest.mark.parametrize(
-    ("limit", "given"),
+    ("limit", "inputs"),
     [
         (PowerLimit(bound=5e3), {"generator_power": POWER}),
         (TipSpeedLimit(bound=12.0), {"rotor_speed": SPEED, "rotor_radius": 1.4}),
         (Taper(bound=0.4).on(BLADE), {"chord": CHORD}),
     ],
 )
-def test_partials_against_complex_step(limit, given):
-    component = FormulaComp(formula=limit, size=next(iter(given.values())).size)
-    checked(component, 1e-14, 1e-12, **given)
+def test_partials_against_complex_step(limit, inputs):
+    component = FormulaComp(formula=limit, size=next(iter(inputs.values())).size)
+    checked(component, 1e-14, 1e-12, **inputs)
 
 
-@pytest.mark.parametrize(("own", "end"), [(20.0, 8.0), (5.0, 5.0), (None, 8.0)])
-def test_a_limit_of_the_speed_is_within_the_generator_s_table(own, end, tmp_path):
+@pytest.mark.parametrize(("bound", "end"), [(20.0, 8.0), (5.0, 5.0), (None, 8.0)])
+def test_a_limit_of_the_speed_is_within_the_generator_s_table(bound, end, tmp_path):
     path, rows = tmp_path / "table.csv", "9,1,0.8\n9,8,0.8\n900,1,0.9\n900,8,0.9\n"
     path.write_text("torque_Nm,speed_rad_s,efficiency\n" + rows)
-    flow = {"inflow": "sine", "limits": {"rotor_speed": own}}
+    flow = {"inflow": "sine", "limits": {"rotor_speed": bound}}
     case = CASE | {"generator": {"table": str(path)}, "scenarios": [flow]}
-    world = physics(load_case(case))
-    (limit,) = (x for x in world.scenarios[0].limits if x.name == "rotor_speed")
+    model = physics(load_case(case))
+    (limit,) = (x for x in model.scenarios[0].limits if x.name == "rotor_speed")
     assert (limit.upper, "generator.table" in limit.key) == (end, end == 8.0)
 
 
@@ -100,10 +100,10 @@ def test_a_limited_rate_of_a_scenario_is_one_of_the_case():
     rate, steady = {"limits": {"torque_rate": 30}}, {"inflow": "sine", "steady": True}
     case = load_case(CASE | {"scenarios": [{"inflow": "sine"} | rate, steady | rate]})
     assert complete(case).phase.final_speed == "free"
-    world = physics(case)
-    names = [[limit.name for limit in each.limits] for each in world.scenarios]
+    model = physics(case)
+    names = [[limit.name for limit in each.limits] for each in model.scenarios]
     assert ["torque_rate" in each for each in names] == [True, False]  # at rest it has none
-    assert any("no effect in a steady scenario" in text for text in world.messages)
+    assert any("no effect in a steady scenario" in text for text in model.messages)
 
 
 def test_each_scenario_has_its_own_depth():
@@ -111,9 +111,9 @@ def test_each_scenario_has_its_own_depth():
     high = {"limits": {"cavitation": {"depth": 10, "margin": 1.0}}}
     case = {"scenarios": [{"inflow": "sine"}, {"inflow": "sine"} | high]}
     case |= {"control": "open_loop", "limits": {"cavitation": {"depth": 3}}}
-    world = physics(load_case(case))
-    assert [world.rotor_in(each).depth for each in world.scenarios] == [3.0, 10.0]
-    assert [world.rotor_in(each).margin for each in world.scenarios] == [1.1, 1.0]
+    model = physics(load_case(case))
+    assert [model.rotor_in(each).depth for each in model.scenarios] == [3.0, 10.0]
+    assert [model.rotor_in(each).margin for each in model.scenarios] == [1.1, 1.0]
 
 
 # Contradictions and limits of no effect -----------------------------------------------------------
@@ -143,10 +143,10 @@ def test_what_could_be_kept_is_not_refused():
 )
 def test_limits_of_no_effect_are_reported(limits, generator, free):
     control = {"law": "open_loop", "torque_limit": 700 if "power" in limits else None}
-    given = {"control": control, "limits": limits, "generator": generator}
-    world = physics(load_case(CASE | given))
-    told = [text for text in world.messages if "has no effect" in text]
-    assert [text.partition(" = ")[0] for text in told] == [f"limits.{name}" for name in free]
+    data = {"control": control, "limits": limits, "generator": generator}
+    model = physics(load_case(CASE | data))
+    messages = [text for text in model.messages if "has no effect" in text]
+    assert [text.partition(" = ")[0] for text in messages] == [f"limits.{name}" for name in free]
 
 
 def test_a_limit_with_a_lower_bound_alone_is_reported():
@@ -185,16 +185,16 @@ def test_a_limited_rate_of_the_torque_is_one_optimum_in_speed_and_in_torque(run)
     for unknown in ("speed", "torque"):
         control = {"law": "open_loop", "torque_limit": 700, "unknown": unknown}
         fixed = {"control": control, "design": {"blade": "fixed"}}
-        found = run(**fixed, limits={"torque_rate": "20 N m/s"})
-        assert found.success, found.message
-        told, simulated = found.summary.limits["torque_rate"], found.simulation
-        assert told.binding
-        assert told.value == pytest.approx(20.0, rel=1e-3)
+        solution = run(**fixed, limits={"torque_rate": "20 N m/s"})
+        assert solution.success, solution.message
+        entry, simulated = solution.summary.limits["torque_rate"], solution.simulation
+        assert entry.binding
+        assert entry.value == pytest.approx(20.0, rel=1e-3)
         rates = np.gradient(simulated["control_torque_Nm"], simulated["time_s"])
         assert np.max(np.abs(rates)) <= 20.0 * 1.001
         assert np.min(rates) == pytest.approx(-20.0, rel=1e-3)  # a fall is limited too
-        assert "largest torque rate" in texts(found.summary.rows(found.case))
-        energies.append(found.summary.simulated_energy_J)
+        assert "largest torque rate" in texts(solution.summary.rows(solution.case))
+        energies.append(solution.summary.simulated_energy_J)
     assert energies[0] == pytest.approx(energies[1], rel=5e-5)
     assert max(energies) < run(**fixed).summary.simulated_energy_J
 
@@ -218,11 +218,11 @@ def test_feedback_keeps_a_limited_rate_of_its_torque_at_a_loss(run):
 
 
 def test_a_tapered_blade_grows_nowhere_outboard(run):
-    found = run(control="quadratic", limits={"taper_from": 0.25, "rotor_speed": "75 rpm"})
-    assert found.success, found.message
-    chord, places = found.blade["chord_m"], found.blade["r_m"] / 1.4
+    solution = run(control="quadratic", limits={"taper_from": 0.25, "rotor_speed": "75 rpm"})
+    assert solution.success, solution.message
+    chord, places = solution.blade["chord_m"], solution.blade["r_m"] / 1.4
     assert np.max(np.diff(chord)[places[:-1] >= 0.25] / chord.max()) <= 1e-6
-    assert np.max(found.simulation["rotor_speed_rad_s"]) <= 2.5 * np.pi * 1.001
+    assert np.max(solution.simulation["rotor_speed_rad_s"]) <= 2.5 * np.pi * 1.001
 
 
 @pytest.mark.slow
@@ -230,27 +230,27 @@ def test_electrical_energy_is_maximized_where_the_generator_loses_least(run):
     losses = {"rated_torque": 700, "rated_speed": "90 rpm", "copper_loss": "0.5 kW"}
     losses |= {"friction_loss": 50, "iron_loss": 100}
     best, blind = (run(generator=losses, objective=kind) for kind in ("electrical", "generator"))
-    for found in (best, blind):
-        assert found.success, found.message
+    for solution in (best, blind):
+        assert solution.success, solution.message
     assert best.summary.electrical_energy_J > 1.002 * blind.summary.electrical_energy_J
     assert best.summary.generator_energy_J < blind.summary.generator_energy_J
     assert best.summary.tip_speed_ratio.mean > blind.summary.tip_speed_ratio.mean
     energy = best.summary.electrical_energy_J
     assert best.summary.objective.simulated == pytest.approx(energy, rel=1e-6)
-    known = best.trajectory
-    torque, speed = known["control_torque_Nm"], known["rotor_speed_rad_s"]
+    trajectory = best.trajectory
+    torque, speed = trajectory["control_torque_Nm"], trajectory["rotor_speed_rad_s"]
     expected = torque * speed - 500.0 * (torque / 700.0) ** 2
     expected = expected - 50.0 * speed / (3.0 * np.pi) - 100.0 * (speed / (3.0 * np.pi)) ** 2
-    np.testing.assert_allclose(known["electrical_power_W"], expected, rtol=1e-8)
+    np.testing.assert_allclose(trajectory["electrical_power_W"], expected, rtol=1e-8)
 
 
 def test_a_table_that_is_left_is_no_success(run, tmp_path):
     path, rows = tmp_path / "table.csv", "100,40,0.8\n100,60,0.8\n400,40,0.9\n400,60,0.9\n"
     path.write_text("torque_Nm,speed_rpm,efficiency\n" + rows)
     sections = {"generator": {"table": str(path)}, "objective": "electrical", "control": "linear"}
-    found = run(**sections, design={"blade": "fixed"})
-    assert not found.success
-    assert found.message.startswith("generator_table = ")
-    assert "leave generator.table, over its range (try a control.torque_limit" in found.message
-    share = found.summary.electrical_energy_J / found.summary.generator_energy_J
+    solution = run(**sections, design={"blade": "fixed"})
+    assert not solution.success
+    assert solution.message.startswith("generator_table = ")
+    assert "leave generator.table, over its range (try a control.torque_limit" in solution.message
+    share = solution.summary.electrical_energy_J / solution.summary.generator_energy_J
     assert 0.85 < share < 0.915

@@ -40,11 +40,11 @@ def test_partials_are_exact(tau1, monkeypatch):
         checked.add(type(part))
         options = {"form": "central", "step": 1e-6, "step_calc": "rel_avg", "out_stream": None}
         options["includes"] = [part.pathname]
-        (found,) = problem.check_partials(method="fd", **options).values()
-        for pair, each in found.items():
-            if "J_fwd" in each:
-                size = max(np.max(np.abs(each["J_fd"])), 1e-9)
-                assert np.max(np.abs(each["J_fwd"] - each["J_fd"])) < 1e-5 * size, pair
+        (partials,) = problem.check_partials(method="fd", **options).values()
+        for pair, entry in partials.items():
+            if "J_fwd" in entry:
+                size = max(np.max(np.abs(entry["J_fd"])), 1e-9)
+                assert np.max(np.abs(entry["J_fwd"] - entry["J_fd"])) < 1e-5 * size, pair
     assert checked == set(kinds)
 
 

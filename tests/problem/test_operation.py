@@ -16,7 +16,7 @@ FIRST, HALF = np.arcsin(0.5) / 0.25, np.pi / 0.25
 BELOW = HALF * np.array([[0, 0], [1, 2], [3, 4]]) + FIRST * np.array([[0, 1], [-1, 1], [-1, 1]])
 
 
-def world(cut_out=1.6, **sections):
+def model_of(cut_out=1.6, **sections):
     """Return the physics of the paper's turbine with quadratic feedback; the flow is its sine."""
     control = {"law": "quadratic", "cut_out": cut_out}
     return physics(load_case({"inflow": "sine", "control": control} | sections))
@@ -39,10 +39,10 @@ def passed(begin, end):
 
 
 def test_a_cut_sine_is_what_is_left_of_it():
-    found = world()
-    spans = [each.edges[[0, -1]] for each in found.scenarios]
+    model = model_of()
+    spans = [each.edges[[0, -1]] for each in model.scenarios]
     np.testing.assert_allclose(spans, BELOW, rtol=1e-12)
-    for scenario, (begin, end) in zip(found.scenarios, BELOW, strict=True):
+    for scenario, (begin, end) in zip(model.scenarios, BELOW, strict=True):
         expected = passed(begin, end)
         flow = scenario.inflow.speed_at
         assert np.sum(scenario.inflow.cubes(scenario.edges)) == pytest.approx(expected, rel=1e-10)
@@ -57,13 +57,13 @@ def test_a_cut_sine_is_what_is_left_of_it():
 
 def test_quasi_steady_energy_of_a_cut_sine():
     """Quadratic feedback with its best gain has the largest power coefficient in every flow."""
-    found = world()
-    best = found.rotor.best_operation(found.blade)
-    gain = power_scale(found.density, found.blade.rotor_radius, 1.0) * best.power_coefficient
-    gain *= (found.blade.rotor_radius / best.tip_speed_ratio) ** 3
-    found = world(control={"law": "quadratic", "cut_out": 1.6, "gain": gain})
-    start = find_start(found, best, improve=False)
-    expected = power_scale(found.density, found.blade.rotor_radius, 1.0) * best.power_coefficient
+    model = model_of()
+    best = model.rotor.best_operation(model.blade)
+    gain = power_scale(model.density, model.blade.rotor_radius, 1.0) * best.power_coefficient
+    gain *= (model.blade.rotor_radius / best.tip_speed_ratio) ** 3
+    model = model_of(control={"law": "quadratic", "cut_out": 1.6, "gain": gain})
+    start = find_start(model, best, improve=False)
+    expected = power_scale(model.density, model.blade.rotor_radius, 1.0) * best.power_coefficient
     expected *= sum(passed(*span) for span in BELOW)
     assert start.operation.energy == pytest.approx(expected, rel=1e-4)
 
@@ -71,19 +71,19 @@ def test_quasi_steady_energy_of_a_cut_sine():
 def test_a_limit_that_the_fast_flow_alone_breaks_is_kept():
     broken = []
     for cut_out in (None, 1.6):
-        found = world(cut_out, limits={"power": "6 kW"})
-        start = find_start(found, found.rotor.best_operation(found.blade), improve=False)
-        broken.append(broken_limits(found, start))
+        model = model_of(cut_out, limits={"power": "6 kW"})
+        start = find_start(model, model.rotor.best_operation(model.blade), improve=False)
+        broken.append(broken_limits(model, start))
     assert broken == [["power"], []]
 
 
 @pytest.mark.parametrize("cut_out", [1.7, 2.0])
 def test_a_flow_that_is_nowhere_faster_is_left_as_it_is(cut_out):
-    (kept,), (whole,) = (world(each).scenarios for each in (cut_out, None))
+    (kept,), (whole,) = (model_of(each).scenarios for each in (cut_out, None))
     assert kept.name == whole.name
     assert np.array_equal(kept.edges, whole.edges)
     assert np.array_equal(kept.sample_weights, whole.sample_weights)
-    assert "no effect" in " ".join(world(cut_out).messages)
+    assert "no effect" in " ".join(model_of(cut_out).messages)
 
 
 # What is told and refused -------------------------------------------------------------------------
@@ -93,15 +93,15 @@ def test_short_intervals_are_standstill_too():
     """A rotor of 2.8 m needs 1.7 s in 1.65 m/s: the lulls of this flow last for 1 s."""
     gust = {"profile": "gust", "mean": 1.7, "amplitude": -0.3, "time": 10.0, "width": 2.0}
     dip = {"profile": "gust", "mean": 1.7, "amplitude": -0.3, "time": 30.0, "width": 20.0}
-    found = world(1.65, inflow={"profile": "sum", "parts": [dip, gust]})
-    (scenario,) = found.scenarios
+    model = model_of(1.65, inflow={"profile": "sum", "parts": [dip, gust]})
+    (scenario,) = model.scenarios
     # (1 - cos 2 pi s)² / 4 = 1/6 at the ends of the long one
     share = np.arccos(1.0 - np.sqrt(4.0 / 6.0)) / (2.0 * np.pi)
     np.testing.assert_allclose(scenario.edges[[0, -1]], [30 + 20 * share, 50 - 20 * share])
-    (told,) = [each for each in found.messages if "cut_out" in each]
+    (message,) = [each for each in model.messages if "cut_out" in each]
     still = 60.0 - 20.0 * (1.0 - 2.0 * share)
-    assert f"standstill for {still:.4g} s of 60 s" in told
-    assert f"operation: 1; 1 more, of {2.0 * (1.0 - 2.0 * share):.3g} s together" in told
+    assert f"standstill for {still:.4g} s of 60 s" in message
+    assert f"operation: 1; 1 more, of {2.0 * (1.0 - 2.0 * share):.3g} s together" in message
 
 
 def test_the_name_of_an_interval_is_that_of_no_other_scenario():

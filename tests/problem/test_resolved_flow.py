@@ -48,8 +48,8 @@ def test_what_is_missed_is_what_samples_do_not_show(width, amplitude):
     gust = GUST.model_copy(update={"width": width, "amplitude": amplitude})
     fine = resolved(gust, SEASON)
     time = gust.time + width * np.linspace(-0.5, 1.5, 2001)
-    seen = np.interp(time, fine.dense, gust.speed_at(fine.dense))
-    assert np.max(np.abs(seen - gust.speed_at(time))) <= 1.1 * FLOW_MISSED * 2.4
+    speed = np.interp(time, fine.dense, gust.speed_at(fine.dense))
+    assert np.max(np.abs(speed - gust.speed_at(time))) <= 1.1 * FLOW_MISSED * 2.4
 
 
 @pytest.mark.parametrize(
@@ -85,10 +85,10 @@ class Silent(Inflow):
     jump: bool = False
 
     def speed_at(self, time):
-        place = (np.asarray(time) - 40.25) / self.width
+        offset = (np.asarray(time) - 40.25) / self.width
         if self.jump:
-            return 1.4 + 0.2 * (np.real(place) > 0.0) + 0.0 * place
-        return 1.4 + 0.5 * np.exp(-(place**2))
+            return 1.4 + 0.2 * (np.real(offset) > 0.0) + 0.0 * offset
+        return 1.4 + 0.5 * np.exp(-(offset**2))
 
 
 def silent(**flow):
@@ -98,13 +98,13 @@ def silent(**flow):
 
 
 def test_a_flow_without_features_is_sampled_and_a_message_says_so():
-    world = silent(width=0.3)
-    (scenario,) = world.scenarios
+    model = silent(width=0.3)
+    (scenario,) = model.scenarios
     assert np.max(scenario.inflow.speed_at(scenario.dense)) == pytest.approx(1.9, rel=1e-4)
     assert scenario.inflow.pieces(1000.0).size == UNKNOWN_PIECES + 1
-    told = "the flow silent gives neither features nor a highest_frequency: it is sampled several"
-    assert any(message.startswith(f"{told} times every 1 s") for message in world.messages)
-    (changes,) = (row for row in check_case(world.case).tables["Flow"] if row.label == "changes")
+    text = "the flow silent gives neither features nor a highest_frequency: it is sampled several"
+    assert any(message.startswith(f"{text} times every 1 s") for message in model.messages)
+    (changes,) = (row for row in check_case(model.case).tables["Flow"] if row.label == "changes")
     assert changes.value == "not declared"
     assert not Silent().tells_features
     assert not SumInflow(parts=(SineInflow(), Silent())).tells_features

@@ -55,8 +55,8 @@ def test_rates_are_those_of_each_segments_polynomial(transcription, order):
     error = made.differentiation @ time ** (degree + 1) - (degree + 1) * time**degree
     assert np.max(np.abs(error)) > 1e-5 * np.max(rate)
     others = made.differentiation.toarray().reshape(made.segments, degree + 1, -1, degree + 1)
-    own = np.arange(made.segments)
-    others[own, :, own, :] = 0.0
+    index = np.arange(made.segments)
+    others[index, :, index, :] = 0.0
     assert not np.any(others)
 
 
@@ -76,13 +76,13 @@ def test_sparse_interpolation_matrices_are_those_of_dymos(transcription):
         made = kind(num_segments=7, order=3)
         made.init_grid()
         grids.append(made.grid_data)
-    for method, given, wanted in (
+    for method, source, wanted in (
         ("phase_lagrange_matrices", "control_disc", "all"),
         ("phase_lagrange_matrices", "state_disc", "col"),
         ("phase_hermite_matrices", "state_disc", "col"),
     ):
         for sparse in (True, False):
-            mine, dymos = (getattr(grid, method)(given, wanted, sparse) for grid in grids)
+            mine, dymos = (getattr(grid, method)(source, wanted, sparse) for grid in grids)
             for one, other in zip(mine, dymos, strict=True):
                 if sparse:
                     one, other = one.toarray(), other.toarray()

@@ -53,8 +53,8 @@ def turbine(tmp_path):
 
 @pytest.mark.parametrize("name", shipped_names("blade"))
 def test_a_shipped_blade_brings_its_turbine_with_it(name, turbine):
-    found = turbine(f"blade: {name}")
-    best = best_operation(found.blade, found.polar)
+    rotor = turbine(f"blade: {name}")
+    best = best_operation(rotor.blade, rotor.polar)
     # bahaj2007: as measured; RM1: ROSCO (hkt_mdo/files/data/README.md); river: designed for 5
     expected, ratio = {"bahaj2007": (0.458, 5.37), "rm1": (0.447, 7.0), "river": (0.45, 5.0)}[name]
     assert best.power_coefficient == pytest.approx(expected, rel=0.04)
@@ -62,23 +62,23 @@ def test_a_shipped_blade_brings_its_turbine_with_it(name, turbine):
 
 
 def test_rows_between_hub_and_tip_are_the_stations(turbine):
-    found = turbine("blade: b.csv, radius: 1, set_angle: 2, cone: 3")
-    np.testing.assert_array_equal(found.blade.r, [0.2, 0.6, 0.9])
-    np.testing.assert_array_equal(found.blade.chord, [0.2, 0.1, 0.1])
-    np.testing.assert_allclose(np.rad2deg(found.blade.twist), [22, 12, 7], rtol=1e-12)
-    assert (found.blade.hub_radius, found.blade.blade_count) == (0.125, 3)
-    assert np.rad2deg(found.blade.cone) == pytest.approx(3.0)
-    assert any("1 of 4 rows lie at hub or tip" in line for line in found.messages)
-    assert any("no rotor.polar is given: lift and" in line for line in found.messages)
+    rotor = turbine("blade: b.csv, radius: 1, set_angle: 2, cone: 3")
+    np.testing.assert_array_equal(rotor.blade.r, [0.2, 0.6, 0.9])
+    np.testing.assert_array_equal(rotor.blade.chord, [0.2, 0.1, 0.1])
+    np.testing.assert_allclose(np.rad2deg(rotor.blade.twist), [22, 12, 7], rtol=1e-12)
+    assert (rotor.blade.hub_radius, rotor.blade.blade_count) == (0.125, 3)
+    assert np.rad2deg(rotor.blade.cone) == pytest.approx(3.0)
+    assert any("1 of 4 rows lie at hub or tip" in line for line in rotor.messages)
+    assert any("no rotor.polar is given: lift and" in line for line in rotor.messages)
 
 
 def test_counted_stations_are_closer_together_towards_hub_and_tip(turbine):
-    found = turbine("blade: b.csv, radius: 1, hub_radius_fraction: 0.1, station_count: 4")
+    rotor = turbine("blade: b.csv, radius: 1, hub_radius_fraction: 0.1, station_count: 4")
     angle = np.pi * np.array([1, 3, 5, 7]) / 8
-    np.testing.assert_allclose(found.blade.r, 0.1 + 0.45 * (1 - np.cos(angle)), rtol=1e-12)
-    assert found.blade.chord[0] == 0.2
+    np.testing.assert_allclose(rotor.blade.r, 0.1 + 0.45 * (1 - np.cos(angle)), rtol=1e-12)
+    assert rotor.blade.chord[0] == 0.2
     assert turbine("blade: b.csv, radius: 2, station_count: 4").reach == 0.5
-    assert any("continue unchanged to hub and tip" in line for line in found.messages)
+    assert any("continue unchanged to hub and tip" in line for line in rotor.messages)
 
 
 def test_a_span_that_is_counted_from_the_root_begins_at_the_hub(turbine):
@@ -88,16 +88,16 @@ def test_a_span_that_is_counted_from_the_root_begins_at_the_hub(turbine):
 
 
 def test_sections_are_blended_by_thickness(turbine):
-    found = turbine(f"blade: b.csv, radius: 1, sections: [{THIN}, {THICK}]")
-    np.testing.assert_allclose(found.thickness, [0.24, 0.18, 0.15], rtol=1e-12)
+    rotor = turbine(f"blade: b.csv, radius: 1, sections: [{THIN}, {THICK}]")
+    np.testing.assert_allclose(rotor.thickness, [0.24, 0.18, 0.15], rtol=1e-12)
     names = "naca4415_Re2e5", "naca63815_Re2e5"
     thick, thin = (PolarFamily.from_file(name).polars[0] for name in names)
-    for (polar,), share in zip(found.polar.tables, (1.0, 1.0 / 3.0, 0.0), strict=True):
+    for (polar,), share in zip(rotor.polar.tables, (1.0, 1.0 / 3.0, 0.0), strict=True):
         expected = share * thick.evaluate(0.1)[0] + (1.0 - share) * thin.evaluate(0.1)[0]
         assert polar.evaluate(0.1)[0] == pytest.approx(expected, rel=1e-9)
     base = Outline.from_file("naca63815")
-    area = base.area * found.thickness / base.thickness
-    np.testing.assert_allclose(found.structure.section_area, area, rtol=1e-12)
+    area = base.area * rotor.thickness / base.thickness
+    np.testing.assert_allclose(rotor.structure.section_area, area, rtol=1e-12)
     with pytest.raises(InputError, match=r"names the section a, which rotor\.sections"):
         turbine(f"blade: n.csv, radius: 1, sections: [{THIN}]")
 
@@ -106,12 +106,12 @@ def test_rows_may_begin_outboard_of_the_hub(turbine, tmp_path):
     text = AERODYN.replace("5 NumBlNds", "4 NumBlNds").replace("0.0 0 0 0 20 0.2 1\n", "")
     (tmp_path / "o.dat").write_text(text, encoding="utf-8")
     keys = "hub_radius_fraction: 0.2, polar: naca4415_Re2e5"
-    found = turbine(f"blade: o.dat, {keys}, station_count: 9")
-    assert found.blade.tip_radius == pytest.approx(1.0)
-    np.testing.assert_array_equal(found.blade.chord[found.blade.r < 0.4], 0.15)
-    assert any("rows begin 0.2 m (25 % of the span) outboard" in line for line in found.messages)
-    found = turbine("blade: b.csv, radius: 1, hub_radius_fraction: 0.1")
-    assert any("rows begin at r/R = 0.2, the hub ends at 0.1" in line for line in found.messages)
+    rotor = turbine(f"blade: o.dat, {keys}, station_count: 9")
+    assert rotor.blade.tip_radius == pytest.approx(1.0)
+    np.testing.assert_array_equal(rotor.blade.chord[rotor.blade.r < 0.4], 0.15)
+    assert any("rows begin 0.2 m (25 % of the span) outboard" in line for line in rotor.messages)
+    rotor = turbine("blade: b.csv, radius: 1, hub_radius_fraction: 0.1")
+    assert any("rows begin at r/R = 0.2, the hub ends at 0.1" in line for line in rotor.messages)
     with pytest.raises(InputError, match=r"column BlSpn = 0\.2: is the hub's radius"):
         turbine("blade: o.dat, hub_radius_fraction: 0.25, polar: naca4415_Re2e5")
 
@@ -132,10 +132,10 @@ def test_an_aerodyn_polar_brings_its_outline(turbine, tmp_path):
     rows = "\n".join(f"{a} {0.1 * a + 0.3} 0.02" for a in range(-9, 16))
     table = f'@"coords.txt" NumCoords\n1 NumTabs\n1.0 Re\nFalse InclUAdata\n25 NumAlf\n{rows}\n'
     (tmp_path / "foil.dat").write_text(table, encoding="utf-8")
-    found = turbine("blade: b.csv, radius: 1, polar: foil.dat")
-    stretched = foil.area * found.thickness / foil.thickness
-    np.testing.assert_allclose(found.structure.section_area, stretched, rtol=1e-12)
-    assert any("foil.dat: outline from the coordinates" in line for line in found.messages)
+    rotor = turbine("blade: b.csv, radius: 1, polar: foil.dat")
+    stretched = foil.area * rotor.thickness / foil.thickness
+    np.testing.assert_allclose(rotor.structure.section_area, stretched, rtol=1e-12)
+    assert any("foil.dat: outline from the coordinates" in line for line in rotor.messages)
     assert turbine("polar: foil.dat").thickness == pytest.approx(foil.thickness)
     other = turbine("blade: b.csv, radius: 1, polar: foil.dat, outline: naca63815")
     stretched = other.thickness * Outline.from_file("naca63815").area
@@ -151,18 +151,18 @@ def test_an_aerodyn_polar_brings_its_outline(turbine, tmp_path):
 def test_the_one_section_has_the_thickness_of_the_blade_file(turbine, tmp_path):
     """Area grows with the thickness, the second moment of area about the chord with its cube."""
     foil = Outline.from_file("naca63815")
-    found, own = turbine("blade: b.csv, radius: 1"), turbine("")
-    np.testing.assert_allclose(found.thickness, [0.24, 0.18, 0.15], rtol=1e-12)
-    stretch = found.thickness / foil.thickness
-    np.testing.assert_allclose(found.structure.section_area, stretch * foil.area, rtol=1e-12)
-    assert isinstance(found.polar, Polar)
-    assert any("thickness of the blade's file, 15 to 24 %" in text for text in found.messages)
+    rotor, default = turbine("blade: b.csv, radius: 1"), turbine("")
+    np.testing.assert_allclose(rotor.thickness, [0.24, 0.18, 0.15], rtol=1e-12)
+    stretch = rotor.thickness / foil.thickness
+    np.testing.assert_allclose(rotor.structure.section_area, stretch * foil.area, rtol=1e-12)
+    assert isinstance(rotor.polar, Polar)
+    assert any("thickness of the blade's file, 15 to 24 %" in text for text in rotor.messages)
     (tmp_path / "even.csv").write_text(re.sub(r"0\.\d+$", "0.24", CSV, flags=re.MULTILINE))
     even = turbine("blade: even.csv, radius: 1").structure
     ratio = 0.24 / foil.thickness * np.ones(even.xx.size)
     # outlines of several stations are resampled
-    np.testing.assert_allclose(even.xx, ratio**3 * own.structure.xx, rtol=2e-4)
-    np.testing.assert_allclose(even.yy, ratio * own.structure.yy, rtol=2e-4)
+    np.testing.assert_allclose(even.xx, ratio**3 * default.structure.xx, rtol=2e-4)
+    np.testing.assert_allclose(even.yy, ratio * default.structure.yy, rtol=2e-4)
     text = re.sub(r"0\.\d+$", "0.15,1", CSV, flags=re.MULTILINE)
     (tmp_path / "same.csv").write_text(text.replace("t_over_c", "T_over_C,thicknes"))
     same = turbine("blade: same.csv, radius: 1")
@@ -184,14 +184,14 @@ def test_polars_of_a_turbine_file_need_no_reynolds_number(turbine, tmp_path):
     one = low[start : low.index("  - name: thin")]
     two = high[start : high.index("  - name: thin")].replace("0.01, 0.01", "0.03, 0.03")
     (tmp_path / "t.yaml").write_text(low.replace(one, one + two), encoding="utf-8")
-    found = turbine("blade: t.yaml, station_count: 5")
-    assert any("are read at a Reynolds number of 3e+06" in line for line in found.messages)
-    given = turbine("blade: t.yaml, station_count: 5, reynolds_number: 3e6")
-    for (one,), (other,) in zip(found.polar.tables, given.polar.tables, strict=True):
+    rotor = turbine("blade: t.yaml, station_count: 5")
+    assert any("are read at a Reynolds number of 3e+06" in line for line in rotor.messages)
+    reference = turbine("blade: t.yaml, station_count: 5, reynolds_number: 3e6")
+    for (one,), (other,) in zip(rotor.polar.tables, reference.polar.tables, strict=True):
         assert one.evaluate(0.05) == other.evaluate(0.05)
-    ((first,), *_) = found.polar.tables
+    ((first,), *_) = rotor.polar.tables
     assert first.evaluate(0.0)[1] > 0.011  # between both tables of the thick section
-    assert "chooses no polar" not in str(given.messages)
+    assert "chooses no polar" not in str(reference.messages)
     (tmp_path / "t.yaml").write_text(low, encoding="utf-8")
     single = turbine("blade: t.yaml, station_count: 5, reynolds_number: 3e6")
     assert "rotor.reynolds_number = 3e+06 chooses no polar" in str(single.messages)
@@ -200,7 +200,7 @@ def test_polars_of_a_turbine_file_need_no_reynolds_number(turbine, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("keys", "told"),
+    ("keys", "message"),
     [
         ("blade: b.csv", "b.csv: tip radius: does not contain the tip radius; give rotor.radius"),
         ("blade: a.dat", "a.dat: measures its span from the root .*hub_radius_fraction"),
@@ -228,8 +228,8 @@ def test_polars_of_a_turbine_file_need_no_reynolds_number(turbine, tmp_path):
         ),
     ],
 )
-def test_what_does_not_fit_together_is_reported(keys, told, turbine):
-    with pytest.raises(InputError, match=told):
+def test_what_does_not_fit_together_is_reported(keys, message, turbine):
+    with pytest.raises(InputError, match=message):
         turbine(keys)
 
 
@@ -247,12 +247,12 @@ def test_what_does_not_fit_together_is_reported(keys, told, turbine):
 )
 def test_bounds_of_the_chord_follow_the_blade(keys, bounds):
     case = read_case(f"{{inflow: sine, control: linear, {keys}}}")
-    world = physics(case)
-    chord = world.turbine.blade.chord
+    model = physics(case)
+    chord = model.turbine.blade.chord
     bounds = bounds or (0.2 * chord.min(), 3.0 * chord.max())
     if case.design.blade == "fixed":
-        assert world.case.design.chord_bounds is None
+        assert model.case.design.chord_bounds is None
         return
-    assert world.shape.bounds["chord"] == pytest.approx(bounds, rel=0.005)  # three digits
-    again = physics(read_case(world.case.to_yaml()))  # a result's case has the numbers
-    assert again.case.design == world.case.design
+    assert model.shape.bounds["chord"] == pytest.approx(bounds, rel=0.005)  # three digits
+    again = physics(read_case(model.case.to_yaml()))  # a result's case has the numbers
+    assert again.case.design == model.case.design

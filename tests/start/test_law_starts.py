@@ -17,24 +17,24 @@ from tests.conftest import NINE
 def start(law, limits="{}", torque_limit=None):
     control = {"law": law} if isinstance(law, str) else dict(law)
     case = {"inflow": "sine", "control": control | {"torque_limit": torque_limit}}
-    world = physics(load_case(case, [f"limits={limits}", f"rotor.stations={NINE}"]))
-    return world, find_start(world)
+    model = physics(load_case(case, [f"limits={limits}", f"rotor.stations={NINE}"]))
+    return model, find_start(model)
 
 
 def below(law, limits="{}", torque_limit=None):
     """Return by which share a law's start falls short of open loop's, without time."""
-    ideal, found = (start(each, limits, torque_limit)[1] for each in ("open_loop", law))
-    assert found.operation.running
-    assert found.excess <= START_EXCESS
-    return 1.0 - found.objective / ideal.objective
+    ideal, point = (start(each, limits, torque_limit)[1] for each in ("open_loop", law))
+    assert point.operation.running
+    assert point.excess <= START_EXCESS
+    return 1.0 - point.objective / ideal.objective
 
 
 def test_without_limits_the_best_power_of_the_speed_is_the_second():
     """The best tip speed ratio does not depend on the flow, so Q and u go with w^2."""
-    _, found = start("power_law")
-    assert found.gains[1] == pytest.approx(2.0, abs=0.02)
+    _, point = start("power_law")
+    assert point.gains[1] == pytest.approx(2.0, abs=0.02)
     assert below("power_law") < 1e-6
-    assert all(record.strategy for record in found.starts)
+    assert all(record.strategy for record in point.starts)
 
 
 @pytest.mark.slow
@@ -51,10 +51,10 @@ def test_laws_with_constant_power_keep_a_limit_of_the_power_nearly_for_nothing()
 
 @pytest.mark.slow
 def test_constant_power_is_passed_on_the_fast_side():
-    world, found = start("rated", "{power: 5 kW}", 700.0)
-    (known,) = on_start(world, found)
-    limited = known["generator_power"] > 0.999 * 5000.0
+    model, point = start("rated", "{power: 5 kW}", 700.0)
+    (series,) = on_start(model, point)
+    limited = series["generator_power"] > 0.999 * 5000.0
     assert np.mean(limited) > 0.3
-    slopes = np.polyfit(known["rotor_speed"][limited], known["control_torque"][limited], 1)
+    slopes = np.polyfit(series["rotor_speed"][limited], series["control_torque"][limited], 1)
     assert slopes[0] < 0.0
-    assert np.min(known["tip_speed_ratio"][limited]) > np.min(known["tip_speed_ratio"])
+    assert np.min(series["tip_speed_ratio"][limited]) > np.min(series["tip_speed_ratio"])

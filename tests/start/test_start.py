@@ -14,21 +14,21 @@ from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.start.find import LOCAL, Candidate, Search, find_start
 
 
-def world(law="open_loop", limit=None, **sections):
+def model_of(law="open_loop", limit=None, **sections):
     control = {"law": law, "torque_limit": limit}
     return physics(load_case({"inflow": "sine", "control": control} | sections))
 
 
 @pytest.fixture(scope="module")
 def optimum():
-    free = world()
+    free = model_of()
     return free.rotor.best_of_shape(free.shape, free.blade)
 
 
 @pytest.mark.parametrize("law", ["open_loop", "quadratic"])
 def test_co_design_reaches_the_steady_optimum(law, optimum):
     """Without a limit, open loop and quadratic feedback keep the best rotor at its best ratio."""
-    case = world(law)
+    case = model_of(law)
     start, (flow, weights) = find_start(case, optimum), case.sampled_flow
     power = optimum.power_coefficient * power_scale(case.density, case.blade.rotor_radius, flow)
     assert start.operation.energy == pytest.approx(weights @ power, rel=5e-5)
@@ -37,20 +37,20 @@ def test_co_design_reaches_the_steady_optimum(law, optimum):
 
 def test_the_optimum_of_one_blade_is_start_enough(optimum):
     """The candidates are improved from any blade, not from the steady optimum alone."""
-    case = world(limit=700.0)
-    own = best_operation(case.blade, case.rotor.polar)
-    best, found = (find_start(case, each).operation.energy for each in (optimum, own))
-    assert found == pytest.approx(best, rel=1e-5)
+    case = model_of(limit=700.0)
+    operation = best_operation(case.blade, case.rotor.polar)
+    best, energy = (find_start(case, each).operation.energy for each in (optimum, operation))
+    assert energy == pytest.approx(best, rel=1e-5)
 
 
 def test_a_fixed_blade_is_kept():
-    case = world("quadratic", design={"blade": "fixed"})
+    case = model_of("quadratic", design={"blade": "fixed"})
     best = best_operation(case.blade, case.rotor.polar)
     start, radius = find_start(case, best), case.blade.rotor_radius
     np.testing.assert_array_equal(start.blade.chord, case.blade.chord)
     gain = 0.5 * case.density * np.pi * radius**5 * best.power_coefficient
     assert start.gains[0] == pytest.approx(gain / best.tip_speed_ratio**3, rel=0.02)
-    as_it_is = find_start(world("quadratic", 700.0), best, improve=False)
+    as_it_is = find_start(model_of("quadratic", 700.0), best, improve=False)
     assert as_it_is.objective == pytest.approx(as_it_is.operation.energy)  # not the open loop's
 
 
@@ -58,8 +58,8 @@ def test_a_fixed_blade_is_kept():
 def test_gains_are_searched_within_their_bounds(bounds, optimum):
     """Whatever the bounds, the start keeps them and is worth what its own gain gives."""
     free, bound = (
-        find_start(world("quadratic", 700.0, design=given), optimum)
-        for given in ({}, {"gain_bounds": bounds})
+        find_start(model_of("quadratic", 700.0, design=design), optimum)
+        for design in ({}, {"gain_bounds": bounds})
     )
     assert not bounds[0] <= free.gains[0] <= bounds[1]
     assert bounds[0] <= bound.gains[0] <= bounds[1]
@@ -69,7 +69,7 @@ def test_gains_are_searched_within_their_bounds(bounds, optimum):
 
 @pytest.mark.slow
 def test_it_reports_the_outcome_of_each_candidate():
-    start = find_start(world("quadratic", limits={"rotor_speed": 11}))
+    start = find_start(model_of("quadratic", limits={"rotor_speed": 11}))
     names = [record.strategy for record in start.starts]
     assert names == ["best blade", "best blade of a slower rotor", "blade as given"]
     (kept,) = (record for record in start.starts if record.kept)
@@ -80,7 +80,7 @@ def test_it_reports_the_outcome_of_each_candidate():
 
 
 def test_the_blade_as_given_says_that_its_optimum_is_local(optimum):
-    case = world(start={"method": "blade"})
+    case = model_of(start={"method": "blade"})
     start = find_start(case, optimum)
     assert start.messages == (LOCAL,)
     assert [(record.strategy, record.kept) for record in start.starts] == [("blade as given", True)]
@@ -124,10 +124,10 @@ def test_a_static_law_is_fitted_on_the_branch_that_it_can_hold(optimum, monkeypa
 
 def test_an_open_loop_begins_as_its_inertia_allows():
     """A rotor of 50 kg m² would need 1.3 times its torque to follow the schedule within 5 kW."""
-    case = world(limits={"power": 5000}, rotor={"hub_inertia": 50})
+    case = model_of(limits={"power": 5000}, rotor={"hub_inertia": 50})
     start = find_start(case, improve=False)
-    (known,), largest = on_start(case, start), []
-    for each in (start.operation, in_motion(case, start).operation):
-        change = known["inertia"] * np.diff(each.rotor_speed) / np.diff(known["time"])
-        largest.append(np.max(each.hydrodynamic_torque[1:] - change))
-    np.testing.assert_allclose(largest / np.max(known["control_torque"]), [1.3, 1.04], atol=0.01)
+    (series,), largest = on_start(case, start), []
+    for operation in (start.operation, in_motion(case, start).operation):
+        change = series["inertia"] * np.diff(operation.rotor_speed) / np.diff(series["time"])
+        largest.append(np.max(operation.hydrodynamic_torque[1:] - change))
+    np.testing.assert_allclose(largest / np.max(series["control_torque"]), [1.3, 1.04], atol=0.01)

@@ -23,14 +23,14 @@ RIVER = Path(__file__).parents[1] / "data" / "river25"
 def river(law):
     """Return the start of a turbine of its own with several limits under a law."""
     changes = f"control.law={law}", "rotor.station_count=10"
-    world = physics(load_case(RIVER / "river25.yaml", changes))
-    return world, find_start(world)
+    model = physics(load_case(RIVER / "river25.yaml", changes))
+    return model, find_start(model)
 
 
 def test_it_keeps_the_power_and_the_ends_of_each_flow():
     flows = [{"inflow": "sine"}, {"inflow": "step", "weight": 2.0}]
-    world = physics(load_case({"inflow": "sine", "control": "linear", "scenarios": flows}))
-    for before, after in zip(world.scenarios, without_time(world).scenarios, strict=True):
+    model = physics(load_case({"inflow": "sine", "control": "linear", "scenarios": flows}))
+    for before, after in zip(model.scenarios, without_time(model).scenarios, strict=True):
         flow = before.inflow.speed_at(before.samples)
         assert after.speeds.size <= KNOTS
         assert after.speeds[[0, -1]] == pytest.approx([flow.min(), flow.max()])
@@ -50,9 +50,9 @@ def test_memory_and_a_designed_hub_have_no_effect_in_equilibrium():
 
 def test_a_generator_s_table_ends_at_a_limit_of_the_speed():
     """Beyond it no efficiency is known, so the optimizer may not go there."""
-    for rpm, given in ((70.0, []), (60.0, ["limits.rotor_speed=60 rpm"])):
-        world = physics(load_case(RIVER / "river25.yaml", given))
-        (limit,) = (each for each in world.all_limits if each.name == "rotor_speed")
+    for rpm, overrides in ((70.0, []), (60.0, ["limits.rotor_speed=60 rpm"])):
+        model = physics(load_case(RIVER / "river25.yaml", overrides))
+        (limit,) = (each for each in model.all_limits if each.name == "rotor_speed")
         assert limit.bound == pytest.approx(rpm * np.pi / 30.0)
 
 
@@ -63,14 +63,14 @@ def test_under_quadratic_feedback_power_is_kept_by_a_poor_blade_or_a_constant_to
     Which blade leads to the poor one, besides the solid one, depends on the machine: with
     OPENBLAS_CORETYPE=Haswell the given blade does too.
     """
-    world, start = river("quadratic")
+    model, start = river("quadratic")
     (solid,) = (each for each in start.starts if each.strategy == CONSTANT)
     assert start.objective == pytest.approx(solid.objective, rel=1e-6)
     assert start.excess < 1e-3
     proportional = [each for each in start.starts if each.objective < 0.999 * solid.objective]
     assert len(proportional) >= 2
     assert all(each.objective < 0.8 * start.objective for each in proportional)
-    flow, weights = world.sampled_flow
+    flow, weights = model.sampled_flow
     most = 25e3 * (weights @ flow**3) / flow.max() ** 3
     assert all(each.objective < most for each in proportional if each.excess < 1e-3)
 
@@ -78,16 +78,16 @@ def test_under_quadratic_feedback_power_is_kept_by_a_poor_blade_or_a_constant_to
 @pytest.mark.slow
 def test_laws_nest_without_time():
     """A rated law is nearly an open loop, and no law is above it."""
-    (_, quadratic), (world, rated) = river("quadratic"), river("rated")
+    (_, quadratic), (model, rated) = river("quadratic"), river("rated")
     assert max(quadratic.excess, rated.excess) < 1e-3
     guides = [each for each in rated.starts if each.law == "open_loop"]
     assert max(each.excess for each in guides) < 1e-3
     free = max(each.objective for each in guides if each.branch == rated.branch)
     assert quadratic.objective < rated.objective < free * (1.0 + 1e-4)
     assert rated.objective > 0.99 * free
-    flow, weights = world.sampled_flow
-    best = world.rotor.best_of_shape(world.shape, world.blade).power_coefficient
-    passing = power_scale(world.density, world.blade.rotor_radius, flow)
+    flow, weights = model.sampled_flow
+    best = model.rotor.best_of_shape(model.shape, model.blade).power_coefficient
+    passing = power_scale(model.density, model.blade.rotor_radius, flow)
     assert max(x.objective for x in guides) < weights @ np.minimum(best * passing, 25e3)
 
 
@@ -95,9 +95,9 @@ def test_gains_that_a_law_does_not_need_are_given_as_they_are():
     """A law with a given power keeps it while its gain is designed."""
     control = {"law": "rated", "gain": 8.0, "power": 4000.0}
     case = {"inflow": "sine", "control": control, "start": {"method": "blade"}}
-    world = physics(load_case(case))
-    start = find_start(world)
-    assert list(start.gains) == list(world.law.starting_gains())
+    model = physics(load_case(case))
+    start = find_start(model)
+    assert list(start.gains) == list(model.law.starting_gains())
     assert start.operation.running
 
 

@@ -26,8 +26,8 @@ def test_torque(solve, law):
 @pytest.mark.slow
 def test_optimizers_agree(solve):
     ipopt, slsqp = (
-        worth(solve(CASE, "control.law=quadratic", f"driver.optimizer={each}"), "control_torque")
-        for each in ("IPOPT", "SLSQP")
+        worth(solve(CASE, "control.law=quadratic", f"driver.optimizer={name}"), "control_torque")
+        for name in ("IPOPT", "SLSQP")
     )
     assert slsqp == pytest.approx(ipopt, rel=0.01)
 
