@@ -87,9 +87,9 @@ def test_commands_exist_with_their_options(page):
         line = re.sub("^hkt --extend [^ ]+", "hkt", line)
         words = line.split()
         if words[0] == "hkt" and len(words) > 1 and not words[1].startswith("-"):
-            known = {name for option in commands[words[1]].params for name in option.opts}
-            known |= {"--help"}
-            assert set(re.findall(r"(?<= )--[a-z0-9-]+", line)) <= known, line
+            options = {name for option in commands[words[1]].params for name in option.opts}
+            options |= {"--help"}
+            assert set(re.findall(r"(?<= )--[a-z0-9-]+", line)) <= options, line
         elif words[0] == "make" and len(words) > 1:
             assert words[1] in targets, line
         elif words[0] == "python" and words[1:] and words[1].startswith(("scripts/", "studies/")):
@@ -97,10 +97,10 @@ def test_commands_exist_with_their_options(page):
 
 
 def test_every_reason_is_needed():
-    found = [command for page in PAGES for command in commands_of_blocks(page)]
-    assert len(found) > 30
+    commands = [command for page in PAGES for command in commands_of_blocks(page)]
+    assert len(commands) > 30
     for start in NOT_RUN:
-        assert any(re.match(start, command) for command in found), start
+        assert any(re.match(start, command) for command in commands), start
 
 
 def run(command):

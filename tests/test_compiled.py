@@ -46,6 +46,6 @@ def test_the_cache_of_a_function_ends_with_the_files_whose_functions_it_contains
     command = [sys.executable, "-c", "from hkt_mdo.rotor.outer import outer; print(outer(3.0))"]
     for factor in ("2.0", "5.0"):
         inner.write_text(text.format("", "inner", f"{factor} * x"))
-        own = os.environ | {"PYTHONPATH": str(tmp_path)}
-        run = subprocess.run(command, cwd=tmp_path, env=own, capture_output=True, text=True)
+        environment = os.environ | {"PYTHONPATH": str(tmp_path)}
+        run = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
         assert float(run.stdout) == 3.0 * float(factor), run.stderr

@@ -102,8 +102,8 @@ def test_architecture_names_every_quantity_with_its_unit():
     part = ARCHITECTURE.partition("## Quantities")[2].partition("\n## ")[0]
     rows = re.findall(r"^\| `(\w+)` \| ([^|]*) \| ([^|]*) \| ([^|]*) \|$", part, re.MULTILINE)
     over = {"design": "the design", "result": "the whole result"}
-    known = [(e.name, e.unit or "-", over.get(e.over, e.over), e.text) for e in QUANTITIES.values()]
-    assert [tuple(map(str.strip, row)) for row in rows] == known
+    specs = [(e.name, e.unit or "-", over.get(e.over, e.over), e.text) for e in QUANTITIES.values()]
+    assert [tuple(map(str.strip, row)) for row in rows] == specs
 
 
 def test_extensions_of_the_architecture_are_those_that_are_tested():
@@ -151,12 +151,12 @@ def test_schema_takes_every_shipped_case_short_and_written_out(validator, path):
 BAD = parse((ROOT / "tests" / "data" / "schema_refusals.yaml").read_text(), "schema_refusals.yaml")
 
 
-@pytest.mark.parametrize(("text", "place"), BAD)
-def test_schema_refuses_what_a_case_refuses_at_the_same_place(validator, text, place):
+@pytest.mark.parametrize(("text", "path"), BAD)
+def test_schema_refuses_what_a_case_refuses_at_the_same_place(validator, text, path):
     with pytest.raises(InputError):
         read_case(MINIMAL + text)
     (error,) = validator.iter_errors(parse(MINIMAL + text, "x"))
-    assert list(error.absolute_path)[: len(place)] == place
+    assert list(error.absolute_path)[: len(path)] == path
 
 
 # New cases ----------------------------------------------------------------------------------------
@@ -180,8 +180,8 @@ def test_new_case_loads_and_explains_itself(tmp_path, validator, kind):
         assert one_line(section.__doc__) in comments
         part = re.split(rf"\n(?:# )?{name}:\n", text)[1].partition("\n\n\n")[0]
         for key in re.findall(r"^  (?:# )?(\w+): ", part, re.MULTILINE):
-            known = key in section.model_fields and key not in TAGS
-            assert not known or one_line(section.description(key)) in comments
+            is_field = key in section.model_fields and key not in TAGS
+            assert not is_field or one_line(section.description(key)) in comments
     assert case.inflow.speed_at(0.0) > 0.0
 
 
@@ -207,8 +207,8 @@ def test_new_turbine_is_the_shipped_one_from_a_file_of_its_own(tmp_path):
     assert case.rotor.blade == str(blade.resolve())
     assert case.rotor.model_copy(update={"blade": "river"}) == shipped.rotor
     for name in ("r", "chord", "twist", "thickness"):
-        found, wanted = (getattr(read_blade(source), name) for source in (blade, "river"))
-        np.testing.assert_array_equal(found, wanted)
+        column, wanted = (getattr(read_blade(source), name) for source in (blade, "river"))
+        np.testing.assert_array_equal(column, wanted)
 
 
 def test_new_river_has_the_variance_of_its_spectrum_and_is_always_the_same(tmp_path):

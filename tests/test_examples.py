@@ -38,17 +38,17 @@ LIMITED_CASES = sorted((ROOT / "cases" / "limits").glob("*.yaml"))
 @pytest.mark.parametrize("path", LIMITED_CASES, ids=lambda path: path.stem)
 def test_case_under_limits_has_those_of_its_name(path):
     case = load_case(path)
-    given = {limit.name for limit in case.limits.given}
-    assert given <= {limit.name for limit in physics(case).scenarios[0].limits}
+    names = {limit.name for limit in case.limits.given}
+    assert names <= {limit.name for limit in physics(case).scenarios[0].limits}
     if path.stem.startswith("rm1"):
-        assert given == {"power", "thrust", "cavitation"}
+        assert names == {"power", "thrust", "cavitation"}
         return
     assert f"limits/{path.stem}" in LIMITED
     assert case.control.torque_limit == 700.0
     limit, _, law = path.stem.rpartition("_")
     assert case.control.law == {"oloc": "open_loop", "quadratic": "quadratic"}[law]
     several = {"power", "rotor_speed", "thrust", "stress", "cavitation"}
-    assert given == (several if limit == "all" else {limit})
+    assert names == (several if limit == "all" else {limit})
 
 
 @pytest.mark.slow
@@ -82,8 +82,8 @@ def test_shipped_cases_go_by_their_names_unless_a_file_has_that_name(tmp_path, m
 @pytest.mark.parametrize("name", ["rm1_turbulent", "rm1_set_angle"])
 def test_rm1_has_its_published_inertia_and_torque(name):
     case = load_case(EXAMPLES / f"{name}.yaml", ["design={blade: fixed}"])
-    world = physics(case)
-    _, inertia = world.rotor.mass_and_inertia(world.blade)
+    model = physics(case)
+    _, inertia = model.rotor.mass_and_inertia(model.blade)
     assert inertia == pytest.approx(RM1_INERTIA, rel=1e-4)
     rated = 500e3 / (11.5 * 2.0 * np.pi / 60.0)  # 500 kW at 11.5 rpm
     assert case.control.torque_limit == pytest.approx(rated, rel=1e-3)
@@ -101,8 +101,8 @@ def test_own_files_are_what_the_script_makes():
 @pytest.mark.slow
 def test_the_first_turbine_could_be_built(solve):
     """What a newcomer runs first is verified without a warning, strong, stiff and stable."""
-    found, case = solve("examples/first_turbine"), load_case("first_turbine")
-    summary = found.summary
+    solution, case = solve("examples/first_turbine"), load_case("first_turbine")
+    summary = solution.summary
     assert summary.verdict(case) == "verified"
     assert check_case(case).warnings == []
     assert summary.energy_J == pytest.approx(81488.0, rel=1e-4)

@@ -35,11 +35,11 @@ def run(tmp_path_factory):
 def test_a_limit_is_kept_and_reported(run, control):
     free, held = run(control=control), run(control=control, limits={"tip_acceleration": "95 m/s^2"})
     assert held.success, held.message
-    told = held.summary.limits["tip_acceleration"]
-    assert (told.limit, told.unit, told.binding) == (95.0, "m/s**2", True)
-    assert told.value == pytest.approx(95.0, rel=1e-3)
-    found = held.trajectory["rotor_speed_rad_s"] ** 2 * held.summary.rotor_radius_m
-    assert np.max(found) <= 95.0 * (1.0 + 1e-6)
+    entry = held.summary.limits["tip_acceleration"]
+    assert (entry.limit, entry.unit, entry.binding) == (95.0, "m/s**2", True)
+    assert entry.value == pytest.approx(95.0, rel=1e-3)
+    acceleration = held.trajectory["rotor_speed_rad_s"] ** 2 * held.summary.rotor_radius_m
+    assert np.max(acceleration) <= 95.0 * (1.0 + 1e-6)
     assert np.max(free.trajectory["rotor_speed_rad_s"]) ** 2 * 1.4 > 99.0
     assert held.summary.simulated_energy_J < free.summary.simulated_energy_J
     checks = {check.name for check in held.summary.checks}
@@ -50,17 +50,17 @@ def test_an_objective_is_maximized(run):
     plain = run()
     priced = run(objective={"kind": "priced_torque", "price": 1e-3})
     assert priced.success, priced.message
-    told = priced.summary.objective
+    objective = priced.summary.objective
 
     def price(solution):
         torque, time = (solution.simulation[each] for each in ("control_torque_Nm", "time_s"))
         return 1e-3 * np.trapezoid(torque**2, time)
 
     expected = priced.summary.simulated_energy_J - price(priced)
-    assert told.simulated == pytest.approx(expected, rel=1e-4)
+    assert objective.simulated == pytest.approx(expected, rel=1e-4)
     # it gives up energy for torque, and is better by its own measure
     assert priced.summary.energy_J < plain.summary.energy_J
-    assert told.simulated > plain.summary.simulated_energy_J - price(plain)
+    assert objective.simulated > plain.summary.simulated_energy_J - price(plain)
 
 
 @pytest.mark.slow
@@ -98,9 +98,9 @@ def test_a_load_is_made_as_small_as_the_energy_allows(run):
     def impulse(solution):
         return np.trapezoid(solution.simulation["thrust_N"], solution.simulation["time_s"])
 
-    told = least.summary.objective
-    assert told.simulated == pytest.approx(impulse(least), rel=1e-4)
-    assert told.unit == "N*s"
+    objective = least.summary.objective
+    assert objective.simulated == pytest.approx(impulse(least), rel=1e-4)
+    assert objective.unit == "N*s"
     # near the most energy, the last of it costs most thrust: 8 % less energy, more less thrust
     assert impulse(least) / impulse(free) < 0.92 * 140e3 / free.summary.energy_J
 

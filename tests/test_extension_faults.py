@@ -38,21 +38,21 @@ phase: {duration: 5, segments: 5}
 
 
 @pytest.fixture
-def told(tmp_path, capsys):
+def message(tmp_path, capsys):
     """Return a function that tells what a command says of a fault of a kind, after its place."""
 
-    def run(command, kind, fault="factor = 1.0", unit=None, place=None):
-        about = KINDS[kind]
-        text = about["text"].replace("{fault}", fault).replace("{unit}", unit or about["unit"])
+    def run(command, kind, fault="factor = 1.0", unit=None, location=None):
+        spec = KINDS[kind]
+        text = spec["text"].replace("{fault}", fault).replace("{unit}", unit or spec["unit"])
         (tmp_path / "own.py").write_text(HEAD + text)
-        key = about["case"].partition(":")[0]
+        key = spec["case"].partition(":")[0]
         lines = [line for line in CASE.splitlines() if not line.startswith(f"{key}:")]
-        (tmp_path / "case.yaml").write_text("\n".join([*lines, about["case"]]))
-        own, case, out = (str(tmp_path / name) for name in ("own.py", "case.yaml", "out"))
-        assert main(["--extend", own, command, case, "--out", out, "--no-figures"]) == 2
-        begin = f"{own}: {place or 'Own.' + about['method']}: "
-        _, found, said = capsys.readouterr().err.partition(begin)
-        assert found
+        (tmp_path / "case.yaml").write_text("\n".join([*lines, spec["case"]]))
+        extension, case, out = (str(tmp_path / name) for name in ("own.py", "case.yaml", "out"))
+        assert main(["--extend", extension, command, case, "--out", out, "--no-figures"]) == 2
+        begin = f"{extension}: {location or 'Own.' + spec['method']}: "
+        _, separator, said = capsys.readouterr().err.partition(begin)
+        assert separator
         return said
 
     return run
@@ -60,11 +60,11 @@ def told(tmp_path, capsys):
 
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_fault_is_reported_with_its_place(told, kind, fault):
+def test_a_fault_is_reported_with_its_place(message, kind, fault):
     code, words = FAULTS[fault]
     if (kind, fault) == ("limit of the design", "has a wrong shape"):
         pytest.skip("a value of the design may be an array of any size")
-    said = told("run", kind, code)
+    said = message("run", kind, code)
     assert re.search(words, said), said
     assert "error of this program" not in said
 
@@ -82,11 +82,11 @@ ARGUMENTS |= {"limit of the design": "mass", "objective": "generator_power"}
     ],
     ids=["abs", "float"],
 )
-def test_a_method_without_derivatives_is_refused(told, kind, argument, code, words):
+def test_a_method_without_derivatives_is_refused(message, kind, argument, code, words):
     """By `hkt check`, without an optimizer."""
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("error", np.exceptions.ComplexWarning)
-        said = told("check", kind, f"factor, {argument} = 1.0, {code.format(argument)}")
+        said = message("check", kind, f"factor, {argument} = 1.0, {code.format(argument)}")
     assert re.search(words.format(argument), said), said
     assert "np.sqrt(x * x) for np.abs(x)" in said
 
@@ -100,9 +100,9 @@ def test_a_method_without_derivatives_is_refused(told, kind, argument, code, wor
         ("objective", "generator_power = np.cumsum(generator_power)"),
     ],
 )
-def test_a_formula_that_mixes_instants_is_refused(told, kind, code):
+def test_a_formula_that_mixes_instants_is_refused(message, kind, code):
     """A mean over time would be taken for a value at every instant, its derivatives for those."""
-    said = told("check", kind, f"factor = 1.0; {code}")
+    said = message("check", kind, f"factor = 1.0; {code}")
     assert said.startswith("mixes instants")
     assert "without sums or means" in said
 
@@ -116,13 +116,13 @@ def test_kinks_and_absolute_values_that_keep_derivatives_are_accepted():
             return gains[0] * (np.maximum(speed, 1.0) + np.sqrt(speed * speed) + cs_safe.abs(speed))
 
     law = load_case({"inflow": "sine", "control": "kinked"}, extensions=[Kinked]).control
-    found = law.torque(np.array([-2.0, 0.0, 1.0, 3.0]), np.array([5.0]))
-    np.testing.assert_allclose(found, [25.0, 5.0, 15.0, 45.0])
+    torque = law.torque(np.array([-2.0, 0.0, 1.0, 3.0]), np.array([5.0]))
+    np.testing.assert_allclose(torque, [25.0, 5.0, 15.0, 45.0])
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_an_unknown_unit_is_reported(told, kind):
-    said = told("check", kind, unit="furlong", place="Own")
+def test_an_unknown_unit_is_reported(message, kind):
+    said = message("check", kind, unit="furlong", location="Own")
     assert said.startswith("has the unknown unit 'furlong'")
 
 
@@ -307,8 +307,8 @@ def test_the_equilibrium_of_a_law_with_states_is_computed_from_a_guess():
 @pytest.mark.parametrize(("share", "unstable"), [(1.0, False), (-1.0, True)])
 def test_a_check_warns_of_a_filter_with_the_wrong_sign(share, unstable):
     control = {"law": "lagging", "share": share}
-    found = check_case(load_case({"inflow": "sine", "control": control}, extensions=[Lagging]))
-    assert ("unstable with the starting gains" in " ".join(map(str, found.warnings))) == unstable
+    report = check_case(load_case({"inflow": "sine", "control": control}, extensions=[Lagging]))
+    assert ("unstable with the starting gains" in " ".join(map(str, report.warnings))) == unstable
 
 
 def test_numbers_and_sizes_of_gains_are_checked():

@@ -50,13 +50,13 @@ ALLOWED = {
 
 def imports(path):
     """Return the modules of the package that a file imports, at its top or within functions."""
-    found = set()
+    modules = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.ImportFrom) and node.module:
-            found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+            modules |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
         elif isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-    return {name for name in found if name.startswith("hkt_mdo.")}
+            modules |= {alias.name for alias in node.names}
+    return {name for name in modules if name.startswith("hkt_mdo.")}
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))
@@ -100,8 +100,8 @@ def test_modules_import_each_other_in_no_circle():
 def test_heavy_imports_wait_until_they_are_used_and_none_warns(statement, absent):
     code = f"{statement}\nimport sys\nprint(*[n for n in {absent.split()!r} if n in sys.modules])"
     usual = {key: value for key, value in os.environ.items() if key != "PYTHONWARNINGS"}
-    about = {"env": usual | {"PYTHONPATH": str(PACKAGE.parent)}, "capture_output": True}
-    done = subprocess.run([sys.executable, "-c", code], text=True, check=True, **about)
+    options = {"env": usual | {"PYTHONPATH": str(PACKAGE.parent)}, "capture_output": True}
+    done = subprocess.run([sys.executable, "-c", code], text=True, check=True, **options)
     assert (done.stdout.strip(), done.stderr) == ("", "")
 
 

@@ -26,7 +26,7 @@ def ran(name, kernel, folder):
 
 @pytest.mark.slow
 def test_a_limited_case_ends_alike_with_other_kernels(tmp_path):
-    found = [ran("power_quadratic", kernel, tmp_path) for kernel in KERNELS]
-    assert all(each["success"] for each in found)
-    energies = [each["simulated_energy_J"] for each in found]
+    summaries = [ran("power_quadratic", kernel, tmp_path) for kernel in KERNELS]
+    assert all(each["success"] for each in summaries)
+    energies = [each["simulated_energy_J"] for each in summaries]
     assert energies == pytest.approx([energies[0]] * len(KERNELS), rel=1e-4)

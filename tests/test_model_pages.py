@@ -12,17 +12,17 @@ NUMBER = re.compile(r"-?\d+\.?\d*")
 
 def run_page(name, capsys):
     """Run the code of a page, block by block in one namespace; compare what it prints."""
-    text, known = (DOCS / name).read_text(encoding="utf-8"), {}
+    text, namespace = (DOCS / name).read_text(encoding="utf-8"), {}
     blocks = BLOCK.findall(text)
     assert len(blocks) == text.count("```python")
     for code, shown in blocks:
-        exec(compile(code, name, "exec"), known)
+        exec(compile(code, name, "exec"), namespace)
         printed = capsys.readouterr().out
         assert NUMBER.sub("#", printed) == NUMBER.sub("#", shown)
-        for found, told in zip(NUMBER.findall(printed), NUMBER.findall(shown), strict=True):
-            digit = 10.0 ** -len(told.partition(".")[2])  # the last one may be rounded otherwise
-            assert float(found) == pytest.approx(float(told), abs=1.5 * digit), printed
-    return known
+        for value, wanted in zip(NUMBER.findall(printed), NUMBER.findall(shown), strict=True):
+            digit = 10.0 ** -len(wanted.partition(".")[2])  # the last one may be rounded otherwise
+            assert float(value) == pytest.approx(float(wanted), abs=1.5 * digit), printed
+    return namespace
 
 
 @pytest.mark.slow
@@ -49,8 +49,8 @@ def test_examples_of_the_rotor_group(tmp_path, monkeypatch, capsys):
 @pytest.mark.slow
 def test_databases_and_plots(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    known = run_page("postprocessing.md", capsys)
-    folder = known["solution"].folder
+    namespace = run_page("postprocessing.md", capsys)
+    folder = namespace["solution"].folder
     for name in ("solution.db", "history.db"):
         assert 0.2e6 < (folder / name).stat().st_size < 0.8e6
     text = (DOCS / "postprocessing.md").read_text(encoding="utf-8")
@@ -59,9 +59,9 @@ def test_databases_and_plots(tmp_path, monkeypatch, capsys):
     for code in plots:
         (name,) = re.findall(r'savefig\("(\w+\.png)"\)', code)
         assert (tmp_path / name).stat().st_size > 5_000
-    final, last = known["final"], known["last"]
+    final, last = namespace["final"], namespace["last"]
     assert final["chord_control"] == pytest.approx(last["chord_control"], rel=1e-12)
     for name in re.findall(r"^\| ([^|]*) \|", text, re.MULTILINE):
-        for each in re.findall(r"`([a-z_]+)`", name):
-            if each not in ("thickness_control", "rotor_radius"):  # not designed in this case
-                assert final[each].size
+        for quantity in re.findall(r"`([a-z_]+)`", name):
+            if quantity not in ("thickness_control", "rotor_radius"):  # not designed in this case
+                assert final[quantity].size

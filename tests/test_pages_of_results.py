@@ -73,10 +73,10 @@ def test_the_horizon_follows_from_the_flows_as_the_page_says():
 
 
 def test_every_page_with_results_has_data():
-    without, known = set(), {page_data.path_of(page) for page in PAGES}
+    without, paths = set(), {page_data.path_of(page) for page in PAGES}
     for path in (ROOT / "docs").rglob("*.md"):
         name = path.relative_to(ROOT / "docs").with_suffix("").as_posix()
-        if path not in known and not name.startswith("reference/"):
+        if path not in paths and not name.startswith("reference/"):
             numbers = str(page_data.numbers_of(path.read_text(encoding="utf-8")))
             if len(re.findall(r"\d\.\d", numbers)) > 2:
                 without.add(name)

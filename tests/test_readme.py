@@ -51,8 +51,8 @@ def test_the_output_shown_is_that_of_the_run(solve, capsys):
     (block,) = re.findall(r"^```text\n(.*?)^```$", README, re.DOTALL | re.MULTILINE)
     for line in block.splitlines():
         name, _, value = line.strip().partition("  ")
-        value, found = value.strip(), printed[name]
+        value, output = value.strip(), printed[name]
         number = re.compile(r"-?\d+(?:\.\d+)?(?:e-\d+)?")
-        assert number.sub("#", found).startswith(number.sub("#", value)), line
-        for first, other in zip(number.findall(value)[:1], number.findall(found), strict=False):
+        assert number.sub("#", output).startswith(number.sub("#", value)), line
+        for first, other in zip(number.findall(value)[:1], number.findall(output), strict=False):
             assert float(other) == pytest.approx(float(first), rel=2e-3), line

@@ -65,11 +65,11 @@ def test_the_pinned_versions_are_those_that_the_package_allows(name):
     asked = [*PROJECT["dependencies"], *SETTINGS["dependency-groups"]["build"]]
     for extra in PINNED[name]:
         asked += PROJECT["optional-dependencies"][extra]
-    found = pins(name)
-    for each in map(Requirement, asked):
-        if each.name != PROJECT["name"]:
-            assert each.specifier.contains(found[canonicalize_name(each.name)]), each
-    assert found.items() <= pins("dev").items()
+    versions = pins(name)
+    for package in map(Requirement, asked):
+        if package.name != PROJECT["name"]:
+            assert package.specifier.contains(versions[canonicalize_name(package.name)]), package
+    assert versions.items() <= pins("dev").items()
 
 
 def test_the_packages_of_the_build_are_pinned_too():
@@ -79,8 +79,8 @@ def test_the_packages_of_the_build_are_pinned_too():
 def test_every_requirement_names_a_lowest_version():
     """`make oldest` runs the tests with these."""
     optional = [each for extra in PROJECT["optional-dependencies"].values() for each in extra]
-    for each in map(Requirement, [*PROJECT["dependencies"], *optional]):
-        assert each.name == PROJECT["name"] or ">=" in str(each.specifier), each
+    for package in map(Requirement, [*PROJECT["dependencies"], *optional]):
+        assert package.name == PROJECT["name"] or ">=" in str(package.specifier), package
 
 
 def test_the_line_that_installs_an_extra_is_of_the_checkout(monkeypatch, tmp_path):

@@ -45,21 +45,21 @@ def by_linear_program(aggregate, rates, shares):
     value = np.array([aggregate.value(rates, shares, unit) for unit in units])
     rows = aggregate.rows(rates, shares, origin)
     slopes = np.array([aggregate.rows(rates, shares, unit) - rows for unit in units]).T
-    found = linprog(-value, -slopes, rows, bounds=(None, None))
-    assert found.success
-    return -found.fun
+    result = linprog(-value, -slopes, rows, bounds=(None, None))
+    assert result.success
+    return -result.fun
 
 
 @pytest.mark.parametrize("share", [0.01, 0.3, 0.45, 0.8, 1.0])
 def test_the_conditional_value_at_risk_is_that_of_a_linear_program(share):
     """And the mean over the worst share of time, which a sum over sorted rates has too."""
     cvar = ConditionalValueAtRisk(share=share)
-    found = cvar.of(RATES, SHARES)
-    assert found == pytest.approx(by_linear_program(cvar, RATES, SHARES), rel=1e-12)
+    value = cvar.of(RATES, SHARES)
+    assert value == pytest.approx(by_linear_program(cvar, RATES, SHARES), rel=1e-12)
     left, total = share, 0.0
     for rate, part in sorted(zip(RATES, SHARES, strict=True)):
         total, left = total + rate * min(part, left), left - min(part, left)
-    assert found == pytest.approx(total / share, rel=1e-12)
+    assert value == pytest.approx(total / share, rel=1e-12)
     assert np.all(cvar.rows(RATES, SHARES, cvar.best_unknowns(RATES, SHARES)) >= 0.0)
 
 
@@ -77,8 +77,8 @@ def test_the_measures_meet_at_their_ends():
 def test_partials_of_the_measures_are_exact_and_sparse(measure):
     aggregate = MEASURES[measure]
     unknowns = aggregate.best_unknowns(RATES, SHARES)
-    about = {"duration": 60.0, "objective": CapturedEnergy()}
-    component = AggregateComp(aggregate=aggregate, shares=SHARES, **about)
+    options = {"duration": 60.0, "objective": CapturedEnergy()}
+    component = AggregateComp(aggregate=aggregate, shares=SHARES, **options)
     checked(component, 1e-12, 1e-12, mean_rate=RATES, unknowns=unknowns - 10.0)
     by_rate = component._subjacs_info["part.rows", "part.mean_rate"]
     assert by_rate["val"].size == 4  # each scenario with a share of time is in one row
@@ -127,10 +127,10 @@ def test_two_equal_flows_are_one_under_every_measure(tmp_path):
     one = run(tmp_path / "one", case(flow, **tight))
     simulated = one.summary.simulated_energy_J
     for measure in ("worst", {"measure": "cvar", "share": 0.3}):
-        found = run(tmp_path / str(len(measure)), case(flow, flow, robustness=measure, **tight))
-        assert found.success, found.message
-        assert found.energy == pytest.approx(one.energy, rel=1e-8)
-        assert found.summary.objective.simulated == pytest.approx(simulated, rel=1e-8)
+        solution = run(tmp_path / str(len(measure)), case(flow, flow, robustness=measure, **tight))
+        assert solution.success, solution.message
+        assert solution.energy == pytest.approx(one.energy, rel=1e-8)
+        assert solution.summary.objective.simulated == pytest.approx(simulated, rel=1e-8)
 
 
 @pytest.mark.slow
@@ -144,22 +144,22 @@ def test_the_worst_of_two_flows_is_larger_than_the_mean_s_design_has_it(tmp_path
     data["control"]["torque_limit"] = 500.0
 
     def ratios(solution):
-        own = solution.summary.scenarios
-        return {each: own[each].mean_power_W / own[each].ceiling_W for each in ("slow", "fast")}
+        parts = solution.summary.scenarios
+        return {each: parts[each].mean_power_W / parts[each].ceiling_W for each in ("slow", "fast")}
 
-    found = {}
+    solutions = {}
     for name, measure in (("worst", "worst"), ("mean", {"measure": "cvar", "share": 1.0})):
-        found[name] = run(tmp_path / name, data | {"robustness": measure})
-        assert found[name].success, found[name].message
-    worst, mean = ratios(found["worst"]), ratios(found["mean"])
+        solutions[name] = run(tmp_path / name, data | {"robustness": measure})
+        assert solutions[name].success, solutions[name].message
+    worst, mean = ratios(solutions["worst"]), ratios(solutions["mean"])
     assert min(worst.values()) > min(mean.values()) * (1.0 + 1e-4)
     weigh = {"slow": 0.8, "fast": 0.2}
     averages = [sum(weigh[name] * each[name] for name in weigh) for each in (worst, mean)]
     assert averages[0] < averages[1]
-    own = found["worst"].summary.scenarios
-    deciding = [name for name, each in own.items() if each.decides]
+    scenarios = solutions["worst"].summary.scenarios
+    deciding = [name for name, each in scenarios.items() if each.decides]
     assert deciding == [name for name, x in worst.items() if x <= min(worst.values()) * (1 + 1e-4)]
-    rows = texts(found["worst"].summary.rows(found["worst"].case))
+    rows = texts(solutions["worst"].summary.rows(solutions["worst"].case))
     assert f"decided by {', '.join(deciding)}" in rows["objective, worst"]
 
 
@@ -175,17 +175,17 @@ def test_a_scenario_of_its_own_turbine_is_that_of_the_case_with_it(tmp_path):
     data["control"]["torque_limit"] = 2e3
     ours = {"density": 1025.0, "condition": WORN}
     whole = {"fluid": {"density": 1025.0}, "condition": WORN}
-    found = run(tmp_path / "own", data | {"scenarios": [{"inflow": "sine"} | ours]})
+    result = run(tmp_path / "own", data | {"scenarios": [{"inflow": "sine"} | ours]})
     expected = run(tmp_path / "case", data | whole)
-    for solution in (found, expected):
+    for solution in (result, expected):
         assert solution.success, solution.message
-    assert found.gain == pytest.approx(expected.gain, rel=5e-3)  # flat, by curves of 1e-5
-    assert found.energy == pytest.approx(expected.energy, rel=1e-5)
-    own, whole_case = (each.summary.scenarios["flow_1"] for each in (found, expected))
-    assert own.simulated_energy_J == pytest.approx(whole_case.simulated_energy_J, rel=1e-5)
-    assert own.limits["control_torque"].limit == pytest.approx(1.02 * 2e3)
-    worlds = physics(load_case(data)), physics(load_case(data | whole))
-    nominal, heavier = (x.rotor.mass_and_inertia(worlds[0].blade)[1] for x in worlds)
+    assert result.gain == pytest.approx(expected.gain, rel=5e-3)  # flat, by curves of 1e-5
+    assert result.energy == pytest.approx(expected.energy, rel=1e-5)
+    scenario, whole_case = (each.summary.scenarios["flow_1"] for each in (result, expected))
+    assert scenario.simulated_energy_J == pytest.approx(whole_case.simulated_energy_J, rel=1e-5)
+    assert scenario.limits["control_torque"].limit == pytest.approx(1.02 * 2e3)
+    models = physics(load_case(data)), physics(load_case(data | whole))
+    nominal, heavier = (x.rotor.mass_and_inertia(models[0].blade)[1] for x in models)
     assert heavier == pytest.approx(1.3 * nominal, rel=1e-14)
 
 

@@ -41,7 +41,7 @@ def test_a_spline_is_found_again(tmp_path):
     case = load_case(CASES / "sine_limited_quadratic.yaml", [*SHORT, *changes])
     first = run_case(case, tmp_path / "first", figures=False, records=False)
     assert first.success, first.message
-    own = load_case(first.folder / "case.yaml", ["rotor.blade=blade.csv", "rotor.radius=1.4"])
-    blade, twist = physics(own).blade, first.summary.twist_deg
+    written = load_case(first.folder / "case.yaml", ["rotor.blade=blade.csv", "rotor.radius=1.4"])
+    blade, twist = physics(written).blade, first.summary.twist_deg
     np.testing.assert_allclose(blade.chord, first.summary.chord_m, rtol=1e-13)
     np.testing.assert_allclose(np.rad2deg(blade.twist), twist, rtol=0.0, atol=1e-12)

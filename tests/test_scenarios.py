@@ -78,14 +78,14 @@ def test_energies_are_integrals_and_the_total_is_the_mean_power_times_the_durati
     shares = {name: weight / sum(weights.values()) for name, weight in weights.items()}
     power = 0.0
     for name, share in shares.items():
-        own, table = summary.scenarios[name], solution.to_pandas("simulation", name)
+        row, table = summary.scenarios[name], solution.to_pandas("simulation", name)
         for key, power_of in ENERGIES.items():
             energy = np.trapezoid(table[power_of], table["time_s"])
-            assert getattr(own, key) == pytest.approx(energy, rel=1e-5), (name, key)
-        assert own.energy_J == pytest.approx(own.simulated_energy_J, rel=2e-4)
-        assert own.mean_power_W == pytest.approx(own.simulated_energy_J / own.duration_s, rel=1e-5)
-        assert own.share == pytest.approx(share, rel=1e-12)
-        power += share * own.mean_power_W
+            assert getattr(row, key) == pytest.approx(energy, rel=1e-5), (name, key)
+        assert row.energy_J == pytest.approx(row.simulated_energy_J, rel=2e-4)
+        assert row.mean_power_W == pytest.approx(row.simulated_energy_J / row.duration_s, rel=1e-5)
+        assert row.share == pytest.approx(share, rel=1e-12)
+        power += share * row.mean_power_W
     assert summary.objective.simulated == pytest.approx(duration * power, rel=1e-9)
     assert summary.simulated_energy_J == pytest.approx(duration * power, rel=1e-5)
     assert summary.energy_J == pytest.approx(summary.objective.value, rel=1e-9)
@@ -107,9 +107,9 @@ def test_limits_hold_in_their_scenarios(solution):
 def test_the_largest_are_reported_with_their_scenario(solution):
     summary = solution.summary
     for name in ("thrust", "stress"):
-        entry, own = summary.loads[name], summary.scenarios["fast"].loads[name]
+        entry, load = summary.loads[name], summary.scenarios["fast"].loads[name]
         assert entry.scenario == "fast"
-        assert (entry.value, entry.time_s, entry.r_m) == (own.value, own.time_s, own.r_m)
+        assert (entry.value, entry.time_s, entry.r_m) == (load.value, load.time_s, load.r_m)
 
 
 def test_two_of_one_flow_are_two_and_intervals_are_one():
@@ -172,14 +172,14 @@ def test_force_leaves_no_table_of_the_run_before(tmp_path):
 # Weights and order --------------------------------------------------------------------------------
 
 
-def same_design(found, expected, rel, rel_design=None):
-    assert found.success, found.message
-    assert found.energy == pytest.approx(expected.energy, rel=rel)
+def same_design(result, expected, rel, rel_design=None):
+    assert result.success, result.message
+    assert result.energy == pytest.approx(expected.energy, rel=rel)
     for key in ("chord_m", "twist_deg"):
-        here, there = (np.array(getattr(each.summary, key)) for each in (found, expected))
+        here, there = (np.array(getattr(each.summary, key)) for each in (result, expected))
         assert np.max(np.abs(here - there)) <= (rel_design or rel) * np.max(np.abs(there))
     if expected.gain is not None:
-        assert found.gain == pytest.approx(expected.gain, rel=rel_design or rel)
+        assert result.gain == pytest.approx(expected.gain, rel=rel_design or rel)
 
 
 @pytest.mark.parametrize("weight", [pytest.param(0.5, marks=pytest.mark.slow), 2.0])
@@ -194,9 +194,9 @@ def test_two_equal_flows_are_one(one, tmp_path, weight):
 @pytest.mark.parametrize("law", ["quadratic", "open_loop"])
 def test_the_order_of_the_flows_does_not_matter(law, tmp_path):
     flows = SLOW | {"weight": 0.3}, FAST
-    found = run(tmp_path / "one", case(law, *flows, driver=TIGHT))
+    result = run(tmp_path / "one", case(law, *flows, driver=TIGHT))
     other = run(tmp_path / "other", case(law, *flows[::-1], driver=TIGHT))
-    same_design(other, found, 1e-6)
+    same_design(other, result, 1e-6)
     assert other.scenarios == ("fast", "slow")
 
 
@@ -210,12 +210,12 @@ def test_a_flow_of_weight_0_counts_in_no_energy_and_keeps_its_limits(one, tmp_pa
     flows[1]["limits"] = {"thrust": 0.97 * thrust}
     kept = run(tmp_path / "kept", case("quadratic", *flows, **QUICK))
     assert kept.success, kept.message
-    own = kept.summary.scenarios
-    assert kept.summary.simulated_energy_J == own["fast"].simulated_energy_J
-    assert own["gust"].limits["thrust"].value <= 0.97 * thrust * (1.0 + 1e-4)
+    scenarios = kept.summary.scenarios
+    assert kept.summary.simulated_energy_J == scenarios["fast"].simulated_energy_J
+    assert scenarios["gust"].limits["thrust"].value <= 0.97 * thrust * (1.0 + 1e-4)
     assert kept.summary.limits["thrust"].scenario == "gust"
     assert kept.summary.limits["thrust"].binding
-    assert own["gust"].share == 0.0
+    assert scenarios["gust"].share == 0.0
 
 
 @pytest.mark.slow
@@ -223,19 +223,19 @@ def test_one_of_two_flows_is_cut(tmp_path):
     flows = SLOW | {"inflow": {"profile": "sine", "mean": 1.2}}, FAST
     data = case("quadratic", *flows, duration=16.0, segments=12)
     data["control"]["cut_out"] = 1.65
-    found = run(tmp_path / "out", data)
-    assert found.success, found.message
-    own = found.summary.scenarios
-    assert own["slow"].operation is None
-    spans = own["fast"].operation.intervals_s
+    result = run(tmp_path / "out", data)
+    assert result.success, result.message
+    scenarios = result.summary.scenarios
+    assert scenarios["slow"].operation is None
+    spans = scenarios["fast"].operation.intervals_s
     assert len(spans) == 2
     still = 16.0 - sum(end - begin for begin, end in spans)
-    assert own["fast"].operation.standstill_s == pytest.approx(still, rel=1e-9)
-    assert found.table("simulation", "fast")["inflow_speed_m_s"].max() <= 1.65 * (1.0 + 1e-9)
-    mean = 0.5 * (own["slow"].simulated_energy_J + own["fast"].simulated_energy_J)
-    assert found.summary.simulated_energy_J == pytest.approx(mean, rel=1e-12)
-    assert "fast: operation" in texts(found.summary.rows(found.case))
-    assert main(["plot", str(found.folder), "--out", str(tmp_path / "figures")]) == 0
+    assert scenarios["fast"].operation.standstill_s == pytest.approx(still, rel=1e-9)
+    assert result.table("simulation", "fast")["inflow_speed_m_s"].max() <= 1.65 * (1.0 + 1e-9)
+    mean = 0.5 * (scenarios["slow"].simulated_energy_J + scenarios["fast"].simulated_energy_J)
+    assert result.summary.simulated_energy_J == pytest.approx(mean, rel=1e-12)
+    assert "fast: operation" in texts(result.summary.rows(result.case))
+    assert main(["plot", str(result.folder), "--out", str(tmp_path / "figures")]) == 0
 
 
 # Cases --------------------------------------------------------------------------------------------
@@ -251,10 +251,10 @@ def test_what_a_scenario_does_not_say_is_the_case_s(tmp_path):
     whole = complete(load_case(data)).scenarios
     assert [each.duration for each in whole] == pytest.approx([20.0, 12.0, 60.0])
     assert whole[2].segments == 9
-    given = complete(load_case(data | {"phase": {"duration": 10.0, "segments": 8}}))
-    assert [each.duration for each in given.scenarios] == [10.0, 12.0, 10.0]
-    assert [each.segments for each in given.scenarios] == [8, 8, 9]
-    assert given.of_scenario("flow_1").inflow.profile == "record"
-    assert given.of_scenario("flow_1").phase.duration == 10.0
+    variant = complete(load_case(data | {"phase": {"duration": 10.0, "segments": 8}}))
+    assert [each.duration for each in variant.scenarios] == [10.0, 12.0, 10.0]
+    assert [each.segments for each in variant.scenarios] == [8, 8, 9]
+    assert variant.of_scenario("flow_1").inflow.profile == "record"
+    assert variant.of_scenario("flow_1").phase.duration == 10.0
     with pytest.raises(InputError, match=r"scenarios\[0\]\."):
         physics(load_case(data | {"phase": {"duration": 30.0}}))

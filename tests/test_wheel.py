@@ -29,17 +29,17 @@ CLEAN = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
     """Return the folder with the source distribution, and the wheel that is built from it."""
-    place = tmp_path_factory.mktemp("built")
-    source = place / "source"
+    folder = tmp_path_factory.mktemp("built")
+    source = folder / "source"
     folders = "hkt_mdo", "cases", "docs", "requirements", "scripts", "studies", "tests"
     for name in folders:  # a copy: building leaves files
         ignored = shutil.ignore_patterns("__pycache__", "images")
         shutil.copytree(ROOT / name, source / name, ignore=ignored)
     for name in ("pyproject.toml", "environment.yml", *PAGES.split()):
         shutil.copy(ROOT / name, source)
-    command = [sys.executable, "-m", "build", "--outdir", place / "dist", source]
+    command = [sys.executable, "-m", "build", "--outdir", folder / "dist", source]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    return place / "dist"
+    return folder / "dist"
 
 
 @pytest.fixture(scope="module", params=["*.whl", "*.tar.gz"], ids=["wheel", "source"])
@@ -89,9 +89,9 @@ def test_the_tests_of_the_source_pass_with_what_is_installed(installed, built, t
     shutil.rmtree(source / "hkt_mdo")  # what is tested is the installed package
     code = "import hkt_mdo; print(hkt_mdo.__file__, hkt_mdo.__version__)"
     command = [programs / "python", "-c", code]
-    place = subprocess.check_output(command, cwd=source, env=CLEAN, text=True)
+    output = subprocess.check_output(command, cwd=source, env=CLEAN, text=True)
     version = archive.name.removeprefix("hkt_mdo-").removesuffix(".tar.gz")
-    assert place.split() == [str(library / "hkt_mdo" / "__init__.py"), version]
+    assert output.split() == [str(library / "hkt_mdo" / "__init__.py"), version]
     tests = [f"tests/{name}" for name in SAMPLE]
     command = [programs / "python", "-m", "pytest", "-p", "no:cacheprovider", *tests]
     done = subprocess.run(command, cwd=source, env=CLEAN, capture_output=True, check=False)
