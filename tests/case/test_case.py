@@ -114,15 +114,15 @@ def test_a_case_comes_back_from_its_own_yaml_and_from_a_pickle(text, put):
 )
 def test_a_blade_under_limits_has_stations_that_resolve_it(limits):
     assert read_case(MINIMAL + limits).rotor.station_count == 40
-    given = read_case(MINIMAL + limits + f"\nrotor: {{stations: {NINE}}}")
-    assert given.rotor.station_count is None
+    case = read_case(MINIMAL + limits + f"\nrotor: {{stations: {NINE}}}")
+    assert case.rotor.station_count is None
     # stations that are given stay, though they are those of the shipped blade
-    assert given.with_overrides("phase.duration=30").rotor.stations == tuple(NINE)
+    assert case.with_overrides("phase.duration=30").rotor.stations == tuple(NINE)
     assert read_case(MINIMAL + "limits: {power: null}").rotor.station_count is None
 
 
 @pytest.mark.parametrize(
-    ("text", "key", "name", "told"),
+    ("text", "key", "name", "message"),
     [
         ("inflow: sine\nrotor: {blade: own/f.csv}", "rotor", "blade", "a shipped blade nor a file"),
         (
@@ -133,14 +133,14 @@ def test_a_blade_under_limits_has_stations_that_resolve_it(limits):
         ),
     ],
 )
-def test_paths_count_from_the_folder_of_the_case(text, key, name, told, put):
+def test_paths_count_from_the_folder_of_the_case(text, key, name, message, put):
     file = put("own/f.csv", "r_over_R,c_over_R,pitch_deg\n0.2,0.1,10\n")
     path = put("a.yaml", f"control: linear\n{text}")
     case = load_case(path)
     assert getattr(getattr(case, key), name) == str(file.resolve())
     assert load_case(put("elsewhere/a.yaml", case.to_yaml())) == case
     file.unlink()
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         load_case(path)
     assert load_case(path, check_files=False) == case
 
@@ -192,14 +192,14 @@ def test_a_case_from_a_dict_is_that_of_a_file(put, monkeypatch):
     text = "inflow: {profile: sine, mean: 1.5}\ncontrol: {law: linear, gain: 80}\n"
     text += "rotor: {stations: [0.3, 0.6, 0.9], blade: river, radius: 2}"
     assert same(load_case(put("a.yaml", text)), case)
-    own = put("own.csv", "")
-    monkeypatch.chdir(own.parent)  # relative paths count from the current folder
+    file = put("own.csv", "")
+    monkeypatch.chdir(file.parent)  # relative paths count from the current folder
     data["rotor"]["blade"] = "own.csv"
-    assert load_case(data).rotor.blade == str(own.resolve())
+    assert load_case(data).rotor.blade == str(file.resolve())
 
 
 @pytest.mark.parametrize(
-    ("data", "told"),
+    ("data", "message"),
     [
         ({}, r"case: inflow: is missing"),
         ({"inflow": "sine", "control": "linear", 1: 2}, "Keys should be strings"),
@@ -209,8 +209,8 @@ def test_a_case_from_a_dict_is_that_of_a_file(put, monkeypatch):
         ({"inflow": "sine", "control": "linear", "rotor": {"blade": Path("x")}}, "must be a text"),
     ],
 )
-def test_a_bad_dict_is_reported_as_a_file_is(data, told):
-    with pytest.raises(InputError, match=told):
+def test_a_bad_dict_is_reported_as_a_file_is(data, message):
+    with pytest.raises(InputError, match=message):
         load_case(data)
 
 

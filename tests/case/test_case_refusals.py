@@ -42,10 +42,10 @@ def test_a_case_is_refused_with_file_key_value_and_remedy(how, text, words, tmp_
 def test_message_is_one_plain_line():
     with pytest.raises(InputError) as caught:
         read_case(MINIMAL + "rotor: {radius: -1.4}", file="cases/a.yaml")
-    told = (
+    message = (
         "cases/a.yaml: rotor.radius = -1.4: must be greater than 0 m; give the tip radius R as a "
     )
-    assert str(caught.value).startswith(told)
+    assert str(caught.value).startswith(message)
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
 
 
@@ -63,7 +63,7 @@ def test_long_values_are_cut():
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "told"),
+    ("name", "content", "message"),
     [
         ("none.yaml", None, r"none\.yaml: does not exist; give the path of a case file"),
         (".", None, "is not a file"),
@@ -74,10 +74,10 @@ def test_long_values_are_cut():
     ],
     ids=["none", "folder", "long name", "latin", "large", "blank"],
 )
-def test_what_is_no_readable_case_file_is_reported(name, content, told, tmp_path):
+def test_what_is_no_readable_case_file_is_reported(name, content, message, tmp_path):
     if content is not None:
         (tmp_path / name).write_bytes(content)
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         load_case(tmp_path / name)
 
 

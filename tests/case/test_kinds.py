@@ -45,8 +45,8 @@ def install(monkeypatch):
     """Return a function that installs an entry point for the time of a test."""
 
     def declare(value):
-        found = {ENTRY_POINTS: [metadata.EntryPoint("my_turbines", value, ENTRY_POINTS)]}
-        monkeypatch.setattr(metadata, "entry_points", lambda group: found.get(group, []))
+        entries = {ENTRY_POINTS: [metadata.EntryPoint("my_turbines", value, ENTRY_POINTS)]}
+        monkeypatch.setattr(metadata, "entry_points", lambda group: entries.get(group, []))
         _installed.cache_clear()
 
     yield declare
@@ -95,16 +95,16 @@ def test_installed_packages_bring_their_kinds(install, monkeypatch, value):
 
 
 @pytest.mark.parametrize(
-    ("value", "told"),
+    ("value", "message"),
     [
         ("no_such_package", r"no_such_package: cannot be imported: ModuleNotFoundError: No module"),
         ("json:dumps", "is no file, module or class"),
         ("json", "json: defines no kind"),
     ],
 )
-def test_an_installed_package_that_is_broken_is_reported(install, value, told):
+def test_an_installed_package_that_is_broken_is_reported(install, value, message):
     install(value)
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         read_case(MINIMAL)
 
 
@@ -113,19 +113,19 @@ HEAD = "from typing import Annotated, ClassVar, Literal\nfrom hkt_mdo import *\n
 FAULTS = yaml.safe_load((FILE.parent / "no_kinds.yaml").read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize(("text", "told"), FAULTS["files"])
-def test_a_bad_extension_file_is_reported_with_its_line(text, told, tmp_path):
+@pytest.mark.parametrize(("text", "message"), FAULTS["files"])
+def test_a_bad_extension_file_is_reported_with_its_line(text, message, tmp_path):
     (tmp_path / "e.py").write_text(text.replace("HEAD", HEAD), encoding="utf-8")
     before = set(sys.modules)
-    with pytest.raises(InputError, match=f"e.py: .*{told}") as caught:
+    with pytest.raises(InputError, match=f"e.py: .*{message}") as caught:
         read_case(MINIMAL, extensions=[tmp_path / "e.py"])
     assert str(caught.value).startswith(str(tmp_path))
-    if "cannot be run" in told:
+    if "cannot be run" in message:
         assert not any(name.startswith("hkt_extension") for name in set(sys.modules) - before)
 
 
 @pytest.mark.parametrize(
-    ("extension", "told"),
+    ("extension", "message"),
     [
         ("none.py", r"none\.py: cannot be read \(No such file"),
         (".", r"cannot be read \(Is a directory"),
@@ -135,34 +135,34 @@ def test_a_bad_extension_file_is_reported_with_its_line(text, told, tmp_path):
         (3, "is no file, module or class"),
     ],
 )
-def test_what_is_no_extension_is_reported(extension, told, tmp_path):
+def test_what_is_no_extension_is_reported(extension, message, tmp_path):
     if isinstance(extension, str):
         (tmp_path / "e.txt").write_text("a case", encoding="utf-8")
         extension = tmp_path / extension
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         known_kinds([extension])
 
 
-@pytest.mark.parametrize(("base", "body", "told"), FAULTS["classes"])
-def test_what_is_no_kind_is_reported(base, body, told):
+@pytest.mark.parametrize(("base", "body", "message"), FAULTS["classes"])
+def test_what_is_no_kind_is_reported(base, body, message):
     """Of a subclass with this body; limits and objectives with inputs have a name, too."""
     if "inputs" in body:
         body += f"; {'name' if base == 'Limit' else 'kind'}: ClassVar = 'a'"
-    found = {}
-    exec(f"{HEAD}class A({base}):\n    {body}\n", found)
-    with pytest.raises(InputError, match=f"A: .*{told}"):
-        known_kinds([found["A"]])
+    namespace = {}
+    exec(f"{HEAD}class A({base}):\n    {body}\n", namespace)
+    with pytest.raises(InputError, match=f"A: .*{message}"):
+        known_kinds([namespace["A"]])
 
 
 def test_nothing_is_left_of_an_extension():
     with_it = read_case(OWN, extensions=[FILE])
-    for key, value, told in (
+    for key, value, text in (
         ("inflow", "ramp", "profile = 'ramp': unknown; .*give one of constant, .*, sum; one"),
         ("control", "mixed", "law = 'mixed': unknown; give one of open_loop, linear, quad"),
         ("limits", {ACCEL: 160}, f"{ACCEL} = 160: unknown key; known here: torque_rate, power"),
         ("objective", "priced_torque", "kind = 'priced_torque': unknown; give one of capt"),
     ):
-        with pytest.raises(InputError, match=rf"{key}\.{told}.* of your own needs --extend FILE"):
+        with pytest.raises(InputError, match=rf"{key}\.{text}.* of your own needs --extend FILE"):
             load_case({"inflow": "sine", "control": "linear", key: value})
     assert case_class(known_kinds()) is Case
     assert read_case(MINIMAL) != read_case(MINIMAL, extensions=[FILE])

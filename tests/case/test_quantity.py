@@ -57,10 +57,10 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("told", REFUSED)
-def test_what_is_no_quantity_is_refused(told):
-    for value in REFUSED[told]:
-        with pytest.raises(PydanticCustomError, match=told) as caught:
+@pytest.mark.parametrize("message", REFUSED)
+def test_what_is_no_quantity_is_refused(message):
+    for value in REFUSED[message]:
+        with pytest.raises(PydanticCustomError, match=message) as caught:
             Quantity("m", gt=0, le=10).read(value)
         assert "give a number in m, or a text with a unit of that kind" in str(caught.value)
 

@@ -55,7 +55,7 @@ def test_samples_are_a_latin_hypercube_with_their_seed(put):
     assert [x["limits.power"] for x in points] == pytest.approx(100.0 ** drawn[:, 1])
     for column in drawn.T:  # one in each eighth
         assert sorted(np.floor(8 * column)) == [*range(8)]
-    assert [[*place.values()] for place in sweep.places()] == drawn.tolist()
+    assert [[*position.values()] for position in sweep.places()] == drawn.tolist()
 
 
 def test_a_sweep_that_is_not_there_is_told():

@@ -113,8 +113,8 @@ def test_run_without_success_exits_with_3(fake, result_folder, capsys, options):
 def test_interrupted_run_exits_with_130(fake, capsys, saves):
     fake.error, fake.saves = KeyboardInterrupt(), saves
     assert main(["run", CASE, "--out", "here"]) == 130
-    told = "the results so far are saved in here: summary.json" if saves else "nothing was saved"
-    assert f"interrupted: {told}" in capsys.readouterr().err
+    message = "the results so far are saved in here: summary.json" if saves else "nothing was saved"
+    assert f"interrupted: {message}" in capsys.readouterr().err
 
 
 ERRORS = [
@@ -126,15 +126,15 @@ ERRORS = [
 ]
 
 
-@pytest.mark.parametrize(("error", "code", "told"), ERRORS)
-def test_errors_are_one_line(fake, capsys, error, code, told):
+@pytest.mark.parametrize(("error", "code", "message"), ERRORS)
+def test_errors_are_one_line(fake, capsys, error, code, message):
     fake.error = error
     assert main(["run", CASE, "--quiet"]) == code
     out, err = capsys.readouterr()
     assert out == ""
     assert err.startswith("error: ")
     assert err.count("\n") == 1
-    assert re.search(told, err)
+    assert re.search(message, err)
 
 
 BAD = [
@@ -154,15 +154,15 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize(("command", "told"), BAD)
-def test_bad_input_exits_with_2(result_folder, capsys, command, told):
+@pytest.mark.parametrize(("command", "message"), BAD)
+def test_bad_input_exits_with_2(result_folder, capsys, command, message):
     Path("file").touch()
     places = {"CASE": CASE, "RESULT": str(result_folder)}
-    given = [places.get(word, word) if command != "run" else word for word in command.split()]
-    assert main(given) == 2
+    arguments = [places.get(word, word) if command != "run" else word for word in command.split()]
+    assert main(arguments) == 2
     out, err = capsys.readouterr()
     assert out == ""
-    assert re.search(told, " ".join(err.split()))
+    assert re.search(message, " ".join(err.split()))
     assert "Traceback" not in err
 
 

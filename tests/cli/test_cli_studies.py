@@ -33,8 +33,8 @@ def test_simulate_reports_mean_spread_and_worst(simulated):
     assert "low-pass of 0.5 Hz" in printed
     assert "Largest values without noise" in printed
     assert "captured energy of the others: mean" in printed
-    told = r"mean ([\d.]+) kJ .*, standard deviation ([\d.]+) J, worst ([\d.]+)"
-    mean, spread, worst = map(float, re.search(told, printed).groups())
+    pattern = r"mean ([\d.]+) kJ .*, standard deviation ([\d.]+) J, worst ([\d.]+)"
+    mean, spread, worst = map(float, re.search(pattern, printed).groups())
     assert worst <= mean
     assert 0.0 < spread < 0.01 * 1e3 * mean
 

@@ -74,12 +74,12 @@ def test_symmetric_section_has_symmetric_polars(neuralfoil):
 def test_table_is_a_polar_and_the_figure_is_there(neuralfoil, tmp_path, capsys):
     arguments = "naca63815 --reynolds 1e6,2e5 --out mine --alpha -10:15:1 --beside naca63815"
     assert polar(*arguments.split()) == 0
-    told = capsys.readouterr().out
+    output = capsys.readouterr().out
     assert polar(*arguments.split()) == 2
     assert "naca63815_polars.csv: is there already; give --force" in capsys.readouterr().err
     assert polar(*arguments.split(), "--force") == 0
-    assert "Re 2e5: confidence" in told
-    assert "below 0.8 at -10 degrees" in told
+    assert "Re 2e5: confidence" in output
+    assert "below 0.8 at -10 degrees" in output
     names = sorted(path.name for path in (tmp_path / "mine").iterdir())
     assert names == ["naca63815_polars.csv", "naca63815_polars.png"]
     assert (tmp_path / "mine/naca63815_polars.png").read_bytes().startswith(b"\x89PNG")
@@ -108,7 +108,7 @@ def test_without_neuralfoil_the_message_says_how_to_get_it(monkeypatch, tmp_path
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         ("nowhere.dat --reynolds 2e5", "nowhere.dat"),
         ("naca63815 --reynolds 2e5,2e5", "different"),
@@ -122,12 +122,12 @@ def test_without_neuralfoil_the_message_says_how_to_get_it(monkeypatch, tmp_path
         ("naca63815 --reynolds 2e5 --beside mine.csv", "mine.csv"),
     ],
 )
-def test_bad_arguments_are_one_line(arguments, told, tmp_path, capsys):
+def test_bad_arguments_are_one_line(arguments, message, tmp_path, capsys):
     if "0:10:0.5" in arguments:  # found after the polar is computed
         pytest.importorskip("neuralfoil")
     assert polar(*arguments.split()) == 2
     error = capsys.readouterr().err
-    assert told in error
+    assert message in error
     assert error.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
 

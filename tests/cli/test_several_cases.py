@@ -16,12 +16,12 @@ def asked(monkeypatch, tmp_path):
 
     def run_batch(cases, jobs, done, records, figures):
         calls.append((cases, jobs, records, figures))
-        found = dict.fromkeys(cases)
+        solutions = dict.fromkeys(cases)
         first = next(iter(cases))
-        found[first] = Solution.load(make_result(tmp_path / "made" / str(len(calls))))
+        solutions[first] = Solution.load(make_result(tmp_path / "made" / str(len(calls))))
         for folder in cases:
-            done(folder, "ok" if found[folder] else "the reason")
-        return found
+            done(folder, "ok" if solutions[folder] else "the reason")
+        return solutions
 
     monkeypatch.setattr("hkt_mdo.run.batch.run_batch", run_batch)
     monkeypatch.chdir(tmp_path)
@@ -35,10 +35,10 @@ def test_each_case_has_its_folder_and_a_failure_is_told(asked, tmp_path, capsys)
     assert [str(folder) for folder in cases] == ["out/sine_oloc", "out/sine_linear"]
     assert {case.phase.segments for case in cases.values()} == {20}
     assert how == [2, True, False]
-    told = capsys.readouterr()
+    output = capsys.readouterr()
     lines = "1 of 2: out/sine_oloc: ok", "2 of 2: out/sine_linear: the reason"
-    assert told.out == "".join(f"{line}\n" for line in lines)
-    assert told.err == "error: no success: out/sine_linear\n"
+    assert output.out == "".join(f"{line}\n" for line in lines)
+    assert output.err == "error: no success: out/sine_linear\n"
 
 
 def test_another_result_is_replaced_by_force_only(asked, tmp_path, capsys):

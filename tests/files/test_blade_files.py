@@ -281,10 +281,10 @@ def test_a_path_that_is_no_file(path):
 
 def test_radians_below_the_name_of_degrees_are_suspected(put):
     path = put("b.csv", "r_m,chord_m,twist_deg\n0.2,0.2,0.4\n0.6,0.15,0.2\n1.0,0.1,0.05\n")
-    told = r"b\.csv: twist_deg is in degrees, and no value is above 0\.4: .* twist_rad"
+    message = r"b\.csv: twist_deg is in degrees, and no value is above 0\.4: .* twist_rad"
     rotor = {"blade": str(path), "radius": 1.0, "station_count": 5}
     warned = physics(load_case({"rotor": rotor, "inflow": "sine", "control": "linear"})).warnings
-    assert any(re.search(told, text) for text in warned)
+    assert any(re.search(message, text) for text in warned)
     for text in ("twist_rad\n0.2,0.2,0.4\n1.0,0.1,0.05\n", "twist_deg\n0.2,0.2,0\n1,0.1,0\n"):
         assert not read_blade(put("b.csv", f"r_m,chord_m,{text}")).doubts
 

@@ -44,7 +44,7 @@ def csv_text(angle="alpha_deg", surfaces=()):
     for reynolds in reversed(REYNOLDS):
         for a, cl, cd, cm in rows(ALPHA, reynolds):
             value = f"{a:g}" if angle == "alpha_deg" else f"{np.deg2rad(a):.17g}"
-            lowest = (pressure(a, reynolds, 0.1 * place) for place in range(len(surfaces)))
+            lowest = (pressure(a, reynolds, 0.1 * index) for index in range(len(surfaces)))
             text.append(",".join(map(str, [f"{reynolds:g}", value, cl, cd, cm, 0.9, *lowest])))
     return "\n".join(text) + "\n"
 
@@ -140,7 +140,7 @@ def test_every_format_gives_the_same_tables(put, name):
 def test_every_format_may_have_the_smallest_pressure(put, name):
     text, n_surfaces = WITH_PRESSURE[name]
     for table, reynolds in zip(read_polars(put("section.dat", text)), REYNOLDS, strict=True):
-        expected = [pressure(ALPHA, reynolds, 0.1 * place) for place in range(n_surfaces)]
+        expected = [pressure(ALPHA, reynolds, 0.1 * index) for index in range(n_surfaces)]
         assert np.allclose(table.smallest_pressure, expected, rtol=0.0, atol=1e-12)
         check(table, reynolds, with_moment=name != "aerodyn")
 
@@ -254,9 +254,9 @@ def test_a_table_up_to_right_angles_is_extended(put):
     header, *rows = circle_text().splitlines()
     for first, last in ((18, 55), (18, 41), (34, 55)):  # -90 or -10 to 90 or 20 degrees
         (table,) = read_polars(put("section.dat", "\n".join([header, *rows[first:last]])))
-        known = np.deg2rad(5.0 * np.arange(first, last) - 180.0)
-        cl, _ = Polar.from_polar_table(table).evaluate(known)
-        assert np.allclose(cl, np.sin(2.0 * known), atol=1e-6)
+        alpha = np.deg2rad(5.0 * np.arange(first, last) - 180.0)
+        cl, _ = Polar.from_polar_table(table).evaluate(alpha)
+        assert np.allclose(cl, np.sin(2.0 * alpha), atol=1e-6)
 
 
 def test_ends_of_a_full_circle_are_one_angle(put):

@@ -18,12 +18,12 @@ def test_the_page_is_what_the_command_writes():
 
 
 def test_every_file_has_a_source_with_a_licence():
-    known = listed()
-    entries = [entry for kind in READERS for entry in known[kind]]
-    assert all(known["sources"][entry["source"]]["licence"] for entry in entries)
+    listing = listed()
+    entries = [entry for kind in READERS for entry in listing[kind]]
+    assert all(listing["sources"][entry["source"]]["licence"] for entry in entries)
     here = {entry["file"] for entry in entries if not entry["file"].startswith("..")}
-    found = {path.relative_to(FOLDER).as_posix() for path in FOLDER.glob("*/*.*")}
-    assert found - here == {"records/LICENSE_MHKiT.md"}
+    files = {path.relative_to(FOLDER).as_posix() for path in FOLDER.glob("*/*.*")}
+    assert files - here == {"records/LICENSE_MHKiT.md"}
 
 
 def test_one_section_in_two_formats_is_one_section():
@@ -76,8 +76,8 @@ def test_a_tidal_record_in_milliseconds_is_its_numbers():
     part = part[part.index <= part.index[0] + pandas.Timedelta("21240s")]
     record = read_record(FOLDER / entry["file"], **entry["options"])
     assert record.time[-1] == (part.index[-1] - part.index[0]).total_seconds()
-    place = ((part.index - part.index[0]).total_seconds() / record.time[1]).astype(int)
-    assert np.max(np.abs(record.speed[place] - part.to_numpy() / 100.0)) < 0.1  # low-passed
+    index = ((part.index - part.index[0]).total_seconds() / record.time[1]).astype(int)
+    assert np.max(np.abs(record.speed[index] - part.to_numpy() / 100.0)) < 0.1  # low-passed
     assert np.mean(record.speed) == pytest.approx(np.mean(part) / 100.0, abs=0.02)
     assert TIME_UNITS["min"] * 6 == record.time[1]
 

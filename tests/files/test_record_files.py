@@ -38,7 +38,7 @@ def csv(folder, time=TIME, speed=SPEED, header="time_s,speed_m_s", name="record.
     return path
 
 
-def told(record, *words):
+def says(record, *words):
     """Return whether one of the messages has all words."""
     return any(all(word in message for word in words) for message in record.messages)
 
@@ -54,8 +54,8 @@ def test_a_record_is_its_samples_low_passed(tmp_path):
     np.testing.assert_allclose(record.speed, low_pass(SPEED, STEP, 1.0), rtol=1e-12)
     removed = 100.0 * (1.0 - np.var(record.speed) / np.var(SPEED))
     assert len(record.messages) == 2
-    assert told(record, "record.csv: 2400 samples every 0.25 s, mean 1.5")
-    assert told(record, f"low-passed at 1 Hz, which removed {removed:.2g} % of the variance")
+    assert says(record, "record.csv: 2400 samples every 0.25 s, mean 1.5")
+    assert says(record, f"low-passed at 1 Hz, which removed {removed:.2g} % of the variance")
 
 
 def test_what_may_stand_in_a_csv_file(tmp_path):
@@ -92,9 +92,9 @@ def test_units_are_converted_and_reported(tmp_path, header, options, factor):
     np.testing.assert_allclose(record.speed, low_pass(SPEED, STEP, 1.0), rtol=1e-9)
     assert len(record.messages) == (2 if factor == 1.0 else 3)
     if "area" in options:
-        assert told(record, "discharge in", "over the area of 40 m2")
+        assert says(record, "discharge in", "over the area of 40 m2")
     elif factor != 1.0:
-        assert told(record, "speed converted from", f"to m/s, times {factor:.6g}")
+        assert says(record, "speed converted from", f"to m/s, times {factor:.6g}")
 
 
 @pytest.mark.parametrize(
@@ -122,8 +122,8 @@ def test_a_clock_that_was_changed_counts_on_if_zones_say_so(tmp_path):
     clock = TIME - 3600.0 * changed
     dates = [(first + timedelta(seconds=t)).isoformat() for t in clock.tolist()]
     zones = np.where(changed, "+01:00", "+02:00")
-    told_apart = [date + zone for date, zone in zip(dates, zones, strict=True)]
-    record = read_record(csv(tmp_path, time=told_apart, header="time,speed_m_s"))
+    zoned = [date + zone for date, zone in zip(dates, zones, strict=True)]
+    record = read_record(csv(tmp_path, time=zoned, header="time,speed_m_s"))
     np.testing.assert_allclose(record.time, TIME, atol=1e-9)
     path = csv(tmp_path, time=dates, header="time,speed_m_s")
     assert "if the clock was changed, give dates with their zone" in refused(read_record, path)
@@ -142,7 +142,7 @@ def test_a_part_is_taken(tmp_path):
     part = slice(400, 641)
     np.testing.assert_allclose(record.time, TIME[:241], atol=1e-9)
     np.testing.assert_allclose(record.speed, low_pass(SPEED[part], STEP, 1.0), rtol=1e-12)
-    assert told(record, "taken from 100 s to 160 s of the record")
+    assert says(record, "taken from 100 s to 160 s of the record")
     assert read_record(csv(tmp_path), duration=599.75).time.size == TIME.size
 
 
@@ -160,7 +160,7 @@ def test_gaps_are_interpolated_where_allowed(tmp_path):
     np.testing.assert_allclose(record.time, TIME, atol=1e-9)
     np.testing.assert_allclose(record.speed, low_pass(SLOW, STEP, 1.0), atol=1e-3)
     # 6 of 2400
-    assert told(record, "3 gaps interpolated, 6 samples (0.25 %), the longest 0.75 s, at t = 25,")
+    assert says(record, "3 gaps interpolated, 6 samples (0.25 %), the longest 0.75 s, at t = 25,")
     rows[[502, 503]] = False
     path = csv(tmp_path, TIME[rows], cells[rows])
     message = refused(read_record, path, gaps="interpolate")
@@ -190,7 +190,7 @@ def test_spikes_are_replaced_or_kept(tmp_path):
     assert message.startswith("line 2, column speed_m_s = '3 m/s': differs from its neighbours")
     assert "and 3 more do; give spikes: replace" in message
     record = read_record(path, spikes="replace")
-    assert told(record, "4 spikes replaced (0.17 %), at t = 0, 100, 225, 225.25 s")
+    assert says(record, "4 spikes replaced (0.17 %), at t = 0, 100, 225, 225.25 s")
     np.testing.assert_allclose(record.speed, SLOW, atol=0.02)
     assert np.max(read_record(path, spikes="keep").speed) > 3.0
 
@@ -214,7 +214,7 @@ def test_uneven_samples_are_resampled_where_allowed(tmp_path):
     path = csv(tmp_path, time, slow)
     assert "give uneven: resample to interpolate at even times" in refused(read_record, path)
     record = read_record(path, uneven="resample")
-    assert told(record, f"resampled every {np.median(np.diff(time)):.6g} s")
+    assert says(record, f"resampled every {np.median(np.diff(time)):.6g} s")
     expected = 1.5 + 0.2 * np.sin(0.25 * (record.time + time[0]))
     short = int(np.argmin(np.diff(time, n=2)))
     lost = csv(tmp_path, time, np.where(np.arange(TIME.size) == short + 1, np.nan, slow))
@@ -233,11 +233,11 @@ def test_rounded_and_drifting_times_are_even(tmp_path):
     assert "off an even spacing of 0.03333" in message
     record = read_record(csv(tmp_path, np.round(time, 3), speed))
     assert record.time[1] == pytest.approx(1.0 / 30.0, rel=1e-5)
-    assert told(record, "times taken as even", "% of a step off")
+    assert says(record, "times taken as even", "% of a step off")
     gap = np.delete(np.arange(3000), [1000, 1001])
     whole = read_record(csv(tmp_path, np.round(time, 3)[gap], speed[gap]), gaps="interpolate")
     assert (whole.time.size, whole.time[1]) == (3000, record.time[1])
-    assert told(whole, "1 gap interpolated, 2 samples")
+    assert says(whole, "1 gap interpolated, 2 samples")
 
 
 # Other files --------------------------------------------------------------------------------------
@@ -332,7 +332,7 @@ def test_profiles(tmp_path, form, options, factor, message):
     record = read_record(tmp_path / "adcp.nc", **options)
     np.testing.assert_allclose(record.speed, factor * SMOOTH, rtol=1e-9)
     np.testing.assert_allclose(record.time, TIME, atol=1e-6)
-    assert told(record, message)
+    assert says(record, message)
 
 
 @pytest.mark.parametrize(
@@ -381,7 +381,7 @@ def test_two_components_that_turn_round_are_refused(tmp_path):
     assert "along its mean direction when low-passed" in refused(read_record, path, **both)
     assert read_record(path, **both, duration=70.0).time.size == 281
     one = read_record(path, speed_column="n_m_s", start=10.0, duration=50.0)
-    assert told(one, "n_m_s alone is the speed", "give second_column: e_m_s")
+    assert says(one, "n_m_s alone is the speed", "give second_column: e_m_s")
 
 
 @pytest.mark.parametrize("labels", [["streamwise", "x-stream", "vert"], ["X", "Y", "Z"]])
@@ -424,10 +424,10 @@ def usgs_series(factor, site="1 A RIVER", method="[old]", name="Velocity, feet p
         {"value": str(factor * speed), "dateTime": date, "qualifiers": ["A"]}
         for speed, date in zip(SPEED.tolist(), DATES, strict=True)
     ]
-    number, _, place = site.partition(" ")
+    number, _, label = site.partition(" ")
     methods = [{"methodDescription": method, "methodID": 1}]
     return {
-        "sourceInfo": {"siteName": place, "siteCode": [{"value": number}]},
+        "sourceInfo": {"siteName": label, "siteCode": [{"value": number}]},
         "variable": {"variableDescription": name, "noDataValue": -999999.0},
         "values": [{"value": samples, "method": methods}],
     }
@@ -458,7 +458,7 @@ def test_json_of_noaa_and_usgs(put, form):
     record = read_record(path, speed_column="s", speed_unit="cm/s")
     np.testing.assert_allclose(record.speed, SMOOTH, rtol=1e-9)
     np.testing.assert_allclose(record.time, TIME, atol=1e-3)
-    assert told(record, "rows sorted by time") == (form == "unsorted")
+    assert says(record, "rows sorted by time") == (form == "unsorted")
 
 
 def test_json_with_more_times_than_rows_is_refused(put):
@@ -496,7 +496,7 @@ def test_one_of_several_sensors_or_sites_of_usgs_is_chosen_by_name(put):
     path = put("a.json", json.dumps({"value": {"timeSeries": [first]}}))
     record = read_record(path)
     assert record.time.size == TIME.size
-    assert told(record, f"{old}: no samples")
+    assert says(record, f"{old}: no samples")
     two = [usgs_series(1.0), usgs_series(2.0, "2 A CREEK")]
     put("a.json", json.dumps({"value": {"timeSeries": two}}))
     assert f"'{name}, site 1 A RIVER', '{name}, site 2 A CREEK'" in refused(read_record, path)
@@ -510,8 +510,8 @@ def test_times_and_sizes_of_netcdf_files_of_epic_and_stglib(tmp_path):
     milliseconds = np.round(1000.0 * TIME).astype(int) + 86_340_000
     day, rest = 2_458_636 + milliseconds // 86_400_000, milliseconds % 86_400_000
     point = ("time", "depth", "lat", "lon"), 100.0 * SPEED[:, None, None, None]
-    place = {"depth": [10.0], "lat": [41.0], "lon": [-70.0]}
-    data = xr.Dataset({"CS_300": (*point, {"units": "cm/s"})}, place)
+    coordinates = {"depth": [10.0], "lat": [41.0], "lon": [-70.0]}
+    data = xr.Dataset({"CS_300": (*point, {"units": "cm/s"})}, coordinates)
     later = {"units": "msec since 0:00 GMT"}
     epic = data.assign(time2=("time", rest, later))
     epic = epic.assign_coords(time=("time", day, {"units": "True Julian Day"}))
@@ -535,7 +535,7 @@ def test_two_columns_are_the_components_of_a_speed(tmp_path):
     keys = {"speed_column": "u [m/s]", "second_column": "v [m/s]"}
     record = saved(tmp_path, data, **keys)
     np.testing.assert_allclose(record.speed, SMOOTH, rtol=1e-9)
-    assert not told(record, "single pings")
+    assert not says(record, "single pings")
     noise = 0.3 * np.random.default_rng(3).standard_normal((2, TIME.size))
     data.iloc[:, 1:] += noise.T
     record = saved(tmp_path, data, **keys, spikes="keep")
@@ -566,8 +566,8 @@ def test_limits(tmp_path, monkeypatch):
     monkeypatch.undo()
     monkeypatch.setattr(records, "MAX_ROWS", 2402)
     gap = csv(tmp_path, np.where(TIME > 300.0, TIME + 1.0, TIME))
-    told_gap = refused(read_record, gap, gaps="interpolate", longest_gap=2.0)
-    assert "has 2,404 even samples, and 2,402 are the most" in told_gap
+    message = refused(read_record, gap, gaps="interpolate", longest_gap=2.0)
+    assert "has 2,404 even samples, and 2,402 are the most" in message
     with pytest.raises(InputError, match="does not exist; give the path of a record"):
         read_record(tmp_path / "none.csv")
 

@@ -31,8 +31,8 @@ BROKEN = (
     | {flaw: (read_outline, *broken) for flaw, broken in polars.OUTLINES.items()}
     | {f"record {flaw}": (read_record, *broken) for flaw, broken in records.BROKEN.items()}
     | {
-        f"{name} {place}: {told}": (READ[name.partition(".")[0]], name, text.encode(), told)
-        for place, (name, text, told) in enumerate(TABLES)
+        f"{name} {index}: {message}": (READ[name.partition(".")[0]], name, text.encode(), message)
+        for index, (name, text, message) in enumerate(TABLES)
     }
 )
 SOUND = {
@@ -41,8 +41,8 @@ SOUND = {
     "blade.yaml": (read_blade, blades.WINDIO.encode()),
     "record.csv": (read_record, records.SOUND[1]),
 } | {
-    name: (read_polars if place < 7 else read_outline, (polars.DATA / name).read_bytes())
-    for place, name in enumerate(polars.WELL)
+    name: (read_polars if index < 7 else read_outline, (polars.DATA / name).read_bytes())
+    for index, name in enumerate(polars.WELL)
 }
 WHOLE = re.compile(
     "is empty|is larger than|is JSON, and no record|cannot be read as|"
@@ -67,26 +67,26 @@ def refused(read, path):
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("flaw", BROKEN)
 def test_a_broken_file_is_refused_with_its_place(flaw, tmp_path):
-    read, name, content, told = BROKEN[flaw]
+    read, name, content, message = BROKEN[flaw]
     if name.endswith((".nc", ".parquet")):
         pytest.importorskip("xarray" if name.endswith(".nc") else "pyarrow")
     path = tmp_path / name
     path.write_bytes(content)
-    assert told in str(refused(read, path))
+    assert message in str(refused(read, path))
 
 
 def test_broken_netcdf_and_parquet_are_refused_with_their_place(tmp_path):
     for package in ("xarray", "netCDF4", "pyarrow"):
         pytest.importorskip(package)
-    for name, content, told in records.binary().values():
+    for name, content, message in records.binary().values():
         (tmp_path / name).write_bytes(content)
-        assert told in str(refused(read_record, tmp_path / name))
+        assert message in str(refused(read_record, tmp_path / name))
 
 
 # What no format is: the readers of text share one check.
 @pytest.mark.parametrize("name", SOUND)
 @pytest.mark.parametrize(
-    ("spoil", "told"),
+    ("spoil", "message"),
     [
         (lambda content: b"", "empty|no windIO"),
         (lambda content: content.decode().encode("utf-16"), "line 1: is not UTF-8 text"),
@@ -95,10 +95,10 @@ def test_broken_netcdf_and_parquet_are_refused_with_their_place(tmp_path):
     ],
     ids=["empty", "UTF-16", "Latin-1", "null characters"],
 )
-def test_a_file_that_is_no_text_is_refused(name, spoil, told, tmp_path):
+def test_a_file_that_is_no_text_is_refused(name, spoil, message, tmp_path):
     read, content = SOUND[name]
     (tmp_path / name).write_bytes(spoil(content))
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         read(tmp_path / name)
 
 
@@ -133,8 +133,8 @@ def test_a_number_is_read_as_python_writes_it(number):
 
 @given(st.text(max_size=12))
 def test_what_is_no_plain_number_is_none(text):
-    for each in (*"1e999 nan inf 1_0 ٣ 0x10".split(), " 1", ""):
-        assert parse_number(each) is None
+    for word in (*"1e999 nan inf 1_0 ٣ 0x10".split(), " 1", ""):
+        assert parse_number(word) is None
     number = parse_number(text)
     if number is None:
         assert not text.isascii() or not text.replace(".", "", 1).isdigit()

@@ -62,22 +62,22 @@ def browser(start) -> Browser:
 def opened(browser, path, width=1400, scheme="light", wrong=()):
     """Return a page when it has drawn all; `wrong`: what its only errors begin with."""
     tab = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
-    seen = []
-    tab.on("console", lambda x: seen.append(x.text) if x.type == "error" else None)
-    tab.on("pageerror", lambda error: seen.append(str(error)))
-    tab.on("request", lambda x: seen.append(x.url) if not x.url.startswith("data:") else None)
+    events = []
+    tab.on("console", lambda x: events.append(x.text) if x.type == "error" else None)
+    tab.on("pageerror", lambda error: events.append(str(error)))
+    tab.on("request", lambda x: events.append(x.url) if not x.url.startswith("data:") else None)
     tab.goto(path.as_uri(), timeout=60_000)
     tab.wait_for_selector("body[data-ready]", timeout=60_000)
-    assert seen.pop(0) == path.as_uri()
-    assert len(seen) == len(wrong)
-    assert all(map(str.startswith, seen, wrong))
+    assert events.pop(0) == path.as_uri()
+    assert len(events) == len(wrong)
+    assert all(map(str.startswith, events, wrong))
     return tab
 
 
 def drawn(tab):
     """Return the charts whose own drawing is on the page, by their places in it."""
-    found = tab.locator(".chart:has(.trace), .chart:has(.point), #solid:has(canvas)").all()
-    return {each.get_attribute("id") for each in found}
+    charts = tab.locator(".chart:has(.trace), .chart:has(.point), #solid:has(canvas)").all()
+    return {each.get_attribute("id") for each in charts}
 
 
 @pytest.mark.parametrize(

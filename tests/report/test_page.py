@@ -39,14 +39,14 @@ scenarios:
 def folders(tmp_path_factory) -> list[Path]:
     """Two invented results, of which checks refused the second one, with a tag in its message."""
     base = tmp_path_factory.mktemp("report")
-    found = [make_result(base / "one"), make_result(base / "two", "linear", None)]
-    checks = json.loads((found[1] / "summary.json").read_text())["checks"]
+    results = [make_result(base / "one"), make_result(base / "two", "linear", None)]
+    checks = json.loads((results[1] / "summary.json").read_text())["checks"]
     words = "<script>alert(1)</script> exceeds"
     check = {"name": "power", "value": 2.0, "limit": 1.0, "passed": False, "detail": words}
     memory = {"stable": False, "time_s": 4.9, "inflow_speed": 1.69, "tau1_s": 1.6}
     changes = {"success": False, "message": words, "checks": [*checks, check], "memory": memory}
-    edit_summary(found[1], **changes)
-    return found
+    edit_summary(results[1], **changes)
+    return results
 
 
 @pytest.fixture(scope="module")
@@ -87,13 +87,13 @@ def test_texts_are_escaped_and_instability_is_told_at_the_head(texts):
     assert "<script>alert" not in texts["both"]
     assert "&lt;script&gt;alert(1)" in texts["both"]
     assert panels.escaped("<b>a</b>\n&") == "&lt;b&gt;a&lt;/b&gt; &amp;"
-    told = "sine_linear: with dynamic inflow, UNSTABLE from t = 4.90 s"
-    assert told in texts["both"].partition("<nav>")[0]
+    message = "sine_linear: with dynamic inflow, UNSTABLE from t = 4.90 s"
+    assert message in texts["both"].partition("<nav>")[0]
     assert "UNSTABLE" not in texts["one"]
 
 
 @pytest.mark.parametrize(
-    ("changes", "words", "told"),
+    ("changes", "words", "expected"),
     [
         ({}, "Cavitation is not known", True),
         ({"limits": {"cavitation": {"depth": "3 m"}}}, "Cavitation is not known", False),
@@ -101,14 +101,14 @@ def test_texts_are_escaped_and_instability_is_told_at_the_head(texts):
         ({"inflow_dynamics": "oye"}, "The wake answers at once.", False),
     ],
 )
-def test_what_a_case_models_is_not_missing(changes, words, told):
+def test_what_a_case_models_is_not_missing(changes, words, expected):
     case = load_case({"inflow": "sine", "control": "open_loop"} | changes)
-    assert (words in " ".join(page.not_modelled(case))) == told
+    assert (words in " ".join(page.not_modelled(case))) == expected
 
 
 def test_charts_hold_the_numbers_of_the_tables(texts, folders):
-    found = re.findall(r'<script[^>]* id="data"[^>]*>(.*?)</script>', texts["one"], re.DOTALL)
-    data = json.loads(found[0])
+    scripts = re.findall(r'<script[^>]* id="data"[^>]*>(.*?)</script>', texts["one"], re.DOTALL)
+    data = json.loads(scripts[0])
     (view,) = data["views"].values()
     table = Solution.load(folders[0]).simulation
     lines = {x["yaxis"]: x for x in view["time"]["data"]}
@@ -147,9 +147,9 @@ def test_solid_is_the_rotor(folders):
     A blade is along x, and the third part of a turn moves the rotor onto itself.
     """
     solution = Solution.load(folders[0])
-    found, reasons = blade.bodies([Labelled(solution, "")])
-    assert [each.name for each in found] + reasons == ["optimized blade", "blade at the start"]
-    mesh = blade.solid(found[:1])["data"][0]
+    bodies, reasons = blade.bodies([Labelled(solution, "")])
+    assert [each.name for each in bodies] + reasons == ["optimized blade", "blade at the start"]
+    mesh = blade.solid(bodies[:1])["data"][0]
 
     def unpacked(key):
         return np.frombuffer(base64.b64decode(mesh[key]["bdata"]), f"<{mesh[key]['dtype']}")
@@ -167,7 +167,7 @@ def test_solid_is_the_rotor(folders):
     angle = np.rad2deg(np.arctan2(points[:, 1], points[:, 0])[np.hypot(*points.T[:2]) > 1.3])
     sectors = np.histogram(angle, [-180.0, -90.0, -30.0, 30.0, 90.0, 180.0])[0]
     assert sectors.tolist() == [sectors[2], 0, sectors[2], 0, sectors[2]]
-    first, second = (np.mean(each.reshape(-1, 3), axis=0) for each in blade._beside(found))
+    first, second = (np.mean(each.reshape(-1, 3), axis=0) for each in blade._beside(bodies))
     assert second[0] - first[0] > 2.0 * 1.4  # one beside the other
 
 
@@ -177,8 +177,8 @@ def test_the_blade_at_the_start_has_its_own_thickness_or_radius(tmp_path):
     assert outline_volume(start) == pytest.approx(volume_of(start), rel=1e-3)
     assert outline_volume(start) > 1.01 * outline_volume(design)
     solution = make_design(tmp_path / "1", "rotor: {radius: 1}", rotor_radius_m=1.2).solution
-    found, _ = blade.bodies([Labelled(solution, "")])
-    assert [each.name for each in found] == ["optimized blade", "blade at the start"]
+    bodies, _ = blade.bodies([Labelled(solution, "")])
+    assert [each.name for each in bodies] == ["optimized blade", "blade at the start"]
 
 
 def test_envelope_covers_every_scenario(tmp_path):
@@ -221,5 +221,5 @@ def test_command_writes_and_refuses(folders, tmp_path, capsys, monkeypatch):
     assert "is there already; give --force" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "plotly.offline", None)
     assert main(["report", str(folders[0]), "--out", out, "--force"]) == 2
-    told = f"needs the package plotly, which is not installed; install it with: {install('report')}"
-    assert told in capsys.readouterr().err
+    text = f"needs the package plotly, which is not installed; install it with: {install('report')}"
+    assert text in capsys.readouterr().err

@@ -37,8 +37,8 @@ def folder(tmp_path):
 def test_the_table_has_a_grid_too(folder):
     xarray = pytest.importorskip("xarray")
     with xarray.open_dataset(folder / "grid.nc") as grid:
-        found = grid["objective"].sel({"control.torque_limit": 600.0, "inflow.mean": 1.5})
-        assert float(found) == 301.0
+        value = grid["objective"].sel({"control.torque_limit": 600.0, "inflow.mean": 1.5})
+        assert float(value) == 301.0
         assert grid["objective"].isnull().sum() == 1
         assert str(grid["message"][1, 1].item()) == "<b>its worker died</b>"
     frame = pytest.importorskip("pandas").read_parquet(folder / "table.parquet")
@@ -59,8 +59,8 @@ def test_null_beside_numbers_leaves_the_map(folder):
     table, over = folder / "table.csv", folder / SWEEP
     table.write_text(table.read_text().replace("700,", "null,"))
     over.write_text(over.read_text().replace("700", "null"))
-    found = sweep_charts(SweepTable.load(folder))["map"].across
-    assert found == "control.torque_limit (N m), null left out"
+    label = sweep_charts(SweepTable.load(folder))["map"].across
+    assert label == "control.torque_limit (N m), null left out"
 
 
 @pytest.mark.parametrize("unit", ["", " N*m*s**2/rad**2"])
@@ -79,9 +79,9 @@ def test_a_click_opens_the_report_of_a_run(folder, browser, capsys):  # noqa: F8
     for number in range(3):
         assert (folder / "runs" / str(number) / "report.html").stat().st_size < 1e6
     tab = browser.new_page()
-    seen = []
-    tab.on("pageerror", lambda error: seen.append(str(error)))
-    tab.on("console", lambda x: seen.append(x.text) if x.type == "error" else None)
+    errors = []
+    tab.on("pageerror", lambda error: errors.append(str(error)))
+    tab.on("console", lambda x: errors.append(x.text) if x.type == "error" else None)
     tab.goto((folder / "report.html").as_uri())
     tab.wait_for_selector("body[data-ready]")
     assert "<b>its worker died</b>" in tab.locator("table").inner_text()
@@ -96,5 +96,5 @@ def test_a_click_opens_the_report_of_a_run(folder, browser, capsys):  # noqa: F8
         tab.wait_for_selector("body[data-ready]", timeout=60_000)
         tab.go_back()
         tab.wait_for_selector("body[data-ready]")
-    assert seen == []
+    assert errors == []
     tab.close()

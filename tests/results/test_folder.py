@@ -38,10 +38,10 @@ def test_a_result_is_deleted_by_name(tmp_path):
 
 def test_files_by_scenario_are_deleted_where_the_mark_names_them(tmp_path):
     """Also by a run with other scenarios; a name that no run has given is a user's."""
-    own = [f"{table}_fast.csv" for table in ("trajectory", "simulation", "loads")]
-    own += ["figures/operation_fast.png", "figures/limits_fast.pdf"]
+    names = [f"{table}_fast.csv" for table in ("trajectory", "simulation", "loads")]
+    names += ["figures/operation_fast.png", "figures/limits_fast.pdf"]
     claim(tmp_path, ("slow", "fast"))
-    fill(tmp_path, [*own, "trajectory_mine.csv"])
+    fill(tmp_path, [*names, "trajectory_mine.csv"])
     claim(tmp_path, ("slow",))
     assert files(tmp_path) == {MARKER, "trajectory_mine.csv"}
     fill(tmp_path, ["loads_slow.csv", "loads_fast.csv"])

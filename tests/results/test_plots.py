@@ -21,7 +21,7 @@ from hkt_mdo.results.solution import Solution
 
 def drawn_by(make, *what, of=charts.by_scenario):
     """Return what draws a panel of results on axes of its own."""
-    return lambda found: style.draw(make(of(charts.labelled(found)), *what), Figure().subplots())
+    return lambda runs: style.draw(make(of(charts.labelled(runs)), *what), Figure().subplots())
 
 
 def of_whole(make, *what):
@@ -38,11 +38,11 @@ PLOTS = {
     "convergence": of_whole(lambda results: charts.convergence(results)[0]),
     "limits": drawn_by(lambda results: charts.limits(results)[0]),
     **{
-        f"{each} over time": drawn_by(partial(charts.over_time, nodes=True), each)
-        for each in (*charts.TIME, "hydrodynamic_torque", "stress")
+        f"{name} over time": drawn_by(partial(charts.over_time, nodes=True), name)
+        for name in (*charts.TIME, "hydrodynamic_torque", "stress")
     },
-    **{f"{each} over flow": drawn_by(charts.over_flow, each) for each in charts.FLOW},
-    **{f"{each} over span": drawn_by(charts.over_span, each) for each in charts.OVER_SPAN},
+    **{f"{name} over flow": drawn_by(charts.over_flow, name) for name in charts.FLOW},
+    **{f"{name} over span": drawn_by(charts.over_span, name) for name in charts.OVER_SPAN},
 }
 FIGURES = ("blade", "coefficients", "operation", "power_curve", "limits", "loads", "convergence")
 
@@ -74,9 +74,9 @@ def test_plot_draws_one_several_and_nothing(plot, both, result_folder) -> None:
     for path in result_folder.glob("*.csv"):
         path.unlink()
     (result_folder / "summary.json").write_text('{"success": false}')
-    told = "limit", "smallest", "largest", "axis"
+    words = "limit", "smallest", "largest", "axis"
     for line in plot(Solution.load(result_folder)).lines:
-        assert any(word in (line.get_gid() or line.get_label()) for word in told)
+        assert any(word in (line.get_gid() or line.get_label()) for word in words)
     assert dict(mpl.rcParams) == before
 
 
@@ -120,10 +120,10 @@ def test_limits_are_bars_of_the_largest_value_over_the_bound(result_folder: Path
         "cavitation": table["cavitation"],
     }
     names = [" ".join(label.get_text().split()) for label in ax.get_xticklabels()]
-    for bar, told, (name, values) in zip(ax.patches, names, expected.items(), strict=True):
+    for bar, text, (name, values) in zip(ax.patches, names, expected.items(), strict=True):
         most = 100.0 * np.max(values)
         assert bar.get_height() == pytest.approx(most, rel=1e-9)
-        assert names[round(bar.get_x() + 0.5 * bar.get_width())] == told == f"{name} {most:.1f} %"
+        assert names[round(bar.get_x() + 0.5 * bar.get_width())] == text == f"{name} {most:.1f} %"
     assert list(line_of(ax, "limit").get_ydata()) == [100.0, 100.0]
 
 

@@ -39,9 +39,9 @@ def test_load_reads_everything(result_folder: Path) -> None:
 
 def test_the_only_scenario_has_its_own_water_flow_and_limits(result_folder: Path) -> None:
     path = result_folder / "case.yaml"
-    own = "scenarios=[{name: one, density: 1025, inflow: step, limits: {thrust: 6 kN}, "
-    own += "condition: {drag: 2, torque_constant: 0.9}}]"
-    path.write_text(load_case(path).with_overrides(own).to_yaml())
+    override = "scenarios=[{name: one, density: 1025, inflow: step, limits: {thrust: 6 kN}, "
+    override += "condition: {drag: 2, torque_constant: 0.9}}]"
+    path.write_text(load_case(path).with_overrides(override).to_yaml())
     solution = Solution.load(result_folder)
     assert [limit.name for limit in solution.limits] == ["control_torque", "thrust"]
     case = solution.by_scenario[0].case
@@ -98,10 +98,10 @@ CORRUPT += [["summary.json", "[" * 100000, "cannot be read as JSON"]]
 CORRUPT += [["summary.json", f'{{"success": true, "energy_J": {"9" * 5000}}}', "cannot be read as"]]
 
 
-@pytest.mark.parametrize(("name", "text", "told"), CORRUPT)
-def test_load_refuses_a_corrupt_file(result_folder: Path, name: str, text: str, told: str) -> None:
+@pytest.mark.parametrize(("name", "text", "words"), CORRUPT)
+def test_load_refuses_a_corrupt_file(result_folder: Path, name: str, text: str, words: str) -> None:
     (result_folder / name).write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match=told) as caught:
+    with pytest.raises(InputError, match=words) as caught:
         Solution.load(result_folder)
     assert name in str(caught.value)
     assert ("run the case again" in str(caught.value)) == (name == "summary.json")
@@ -167,11 +167,11 @@ def test_an_allowable_stress_is_that_of_the_material(result_folder):
     """Which the case gives in place of a number; figures draw it."""
     folder = result_folder
     case = (folder / "case.yaml").read_text(encoding="utf-8")
-    given = {
+    overrides = {
         "limits.stress=allowable",
         "rotor.material={density: 2700, modulus: 70 GPa, allowable_stress: 90 MPa}",
     }
-    allowed = read_case(case, sorted(given)).to_yaml()
+    allowed = read_case(case, sorted(overrides)).to_yaml()
     (folder / "case.yaml").write_text(allowed, encoding="utf-8")
     solution = Solution.load(folder)
     (stress,) = (limit for limit in solution.limits if limit.name == "stress")

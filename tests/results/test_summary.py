@@ -47,17 +47,17 @@ def test_a_run_writes_arrays_and_drops_what_json_lacks() -> None:
 
 def test_a_newer_summary_is_refused(result_folder: Path) -> None:
     assert edit(result_folder, version=1).summary.version == 1
-    told = "version = 2: was written by a newer hkt_mdo; update hkt_mdo, which reads version 1"
-    with pytest.raises(InputError, match=told):
+    message = "version = 2: was written by a newer hkt_mdo; update hkt_mdo, which reads version 1"
+    with pytest.raises(InputError, match=message):
         edit(result_folder, version=2, energy_J="of another type")
 
 
 def test_the_verdict_counts_the_warnings(result_folder: Path) -> None:
     loads = {"stress": {"unit": "Pa", "value": 3.5e9}, "tip_speed": {"unit": "m/s", "value": 12.0}}
-    told = edit(result_folder, loads=loads)
+    solution = edit(result_folder, loads=loads)
     breaks = "the blade would break"
-    assert told.summary.verdict(told.case) == f"verified, but {breaks}, 1 warning"
-    (warning,) = told.summary.warnings(told.case)
+    assert solution.summary.verdict(solution.case) == f"verified, but {breaks}, 1 warning"
+    (warning,) = solution.summary.warnings(solution.case)
     assert warning == "the largest stress in a blade, 3.5 GPa, is above its material's, 240 MPa"
     bent = edit(result_folder, success=False, loads=None, tip_deflection_m=0.15, doubts=["x"])
     bends = "the blade bends too far for its loads to hold"
@@ -69,11 +69,11 @@ def test_the_verdict_counts_the_warnings(result_folder: Path) -> None:
     objectives = {"overspeed": 1e5, "underspeed": 1.014e5}
     branches = [{"name": x, "objective_J": y, "kept": True} for x, y in objectives.items()]
     branches[0]["taken"] = True
-    found = edit(result_folder, loads=None, tip_deflection_m=None, doubts=None, branches=branches)
-    (warning,) = found.summary.warnings(found.case)
+    result = edit(result_folder, loads=None, tip_deflection_m=None, doubts=None, branches=branches)
+    (warning,) = result.summary.warnings(result.case)
     assert warning.startswith("without time, branch underspeed is better by 1.4 %")
     branches[1]["objective_J"] = 1.0001e5
-    assert not edit(result_folder, branches=branches).summary.warnings(found.case)
+    assert not edit(result_folder, branches=branches).summary.warnings(result.case)
     # a limit of one scenario does not hide the larger load of another
     limits = {"stress": {"unit": "Pa", "value": 6e7, "limit": 1e8, "scenario": "slow"}}
     loads["stress"] |= {"r_m": 0.4, "scenario": "fast"}

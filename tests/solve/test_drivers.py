@@ -59,8 +59,8 @@ def of_formulas(driver, formulas, x, bounds, ref=None, **constraints):
     problem.model.add_subsystem("body", om.ExecComp(formulas, x=np.array(x)), promotes=["*"])
     problem.model.add_design_var("x", **bounds)
     problem.model.add_objective("f", ref=ref)
-    for name, about in constraints.items():
-        problem.model.add_constraint(name, **about)
+    for name, options in constraints.items():
+        problem.model.add_constraint(name, **options)
     return ready(problem, driver)
 
 
@@ -103,8 +103,8 @@ def bowl(driver, hook=None, linear=False):
     options = {} if hook is None else {"hook": hook}
     problem.model.add_subsystem("bowl", Bowl(**options), promotes=["*"])
     problem.model.add_design_var("x", lower=-100.0, upper=250.0, units="cm", ref0=100.0, ref=330.0)
-    about = {"units": "cm", "ref": 70.0, "linear": linear}
-    problem.model.add_constraint("sums", indices=[1], upper=200.0, **about)
+    scaling = {"units": "cm", "ref": 70.0, "linear": linear}
+    problem.model.add_constraint("sums", indices=[1], upper=200.0, **scaling)
     problem.model.add_objective("f", ref=3.0)
     return ready(problem, driver)
 
@@ -140,19 +140,19 @@ def brachistochrone(driver):
 @every_optimizer
 def test_hock_schittkowski_71(package, optimizer):
     driver = make_driver(package, optimizer)
-    problem, found = solved(hock_schittkowski_71(driver))
+    problem, outcome = solved(hock_schittkowski_71(driver))
     # Hock and Schittkowski (1981), p. 92.
     assert problem.get_val("f")[0] == pytest.approx(17.0140173, abs=1e-6)
     np.testing.assert_allclose(problem.get_val("x"), [1.0, 4.7429994, 3.8211503, 1.3794082], 1e-5)
     assert np.all(problem.get_val("x") >= 1.0)
     assert problem.get_val("h")[0] == pytest.approx(40.0, abs=1e-6)
-    assert (found.success, found.package, found.optimizer) == (True, package, optimizer)
-    assert 3 <= found.iterations <= driver.result.deriv_evals
+    assert (outcome.success, outcome.package, outcome.optimizer) == (True, package, optimizer)
+    assert 3 <= outcome.iterations <= driver.result.deriv_evals
     assert driver.result.deriv_evals <= driver.result.model_evals < 30
-    assert found.message
+    assert outcome.message
     assert driver.result.success
     problem.set_val("x", [1.0, 5.0, 5.0, 1.0])
-    assert solved(problem)[1] == found
+    assert solved(problem)[1] == outcome
 
 
 @every_optimizer
@@ -164,13 +164,13 @@ def test_multipliers_and_what_a_little_of_a_bound_gives(package, optimizer):
         states.append(State.of(driver))
         if not more:
             problem.model.linear_solver = Substitution()
-            found, x = multipliers(driver, states[0]), problem.get_val("x").copy()
+            prices, x = multipliers(driver, states[0]), problem.get_val("x").copy()
     # as IPOPT's documentation has them for its example, this problem
     expected = [-0.55229366, 0.16146857, -1.08787121, 0.0, 0.0, 0.0]
-    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(prices, expected, rtol=1e-5, atol=1e-6)
     problem.set_val("x", x)
     problem.run_model()
-    changed = gain(states[0], found, State.of(driver))
+    changed = gain(states[0], prices, State.of(driver))
     assert changed == pytest.approx(states[1].objective - states[0].objective, rel=1e-3)
     assert changed == pytest.approx(0.55229366 * 25e-4, rel=1e-5)
 
@@ -181,15 +181,15 @@ def test_multipliers_of_scaled_problems(package, optimizer):
     problem, _ = solved(bowl(driver))
     problem.model.linear_solver, state = Substitution(), State.of(problem.driver)
     # at (1, 1, 2.5) m: df/dx = (-2, -2, -1) m, so 2 m a metre of the sum and 1 m of the bound
-    found = multipliers(driver, state) / state.scaler
-    np.testing.assert_allclose(found, [2.0 * 0.7, 0.0, 0.0, 1.0 * 2.3], rtol=1e-5, atol=1e-5)
+    prices = multipliers(driver, state) / state.scaler
+    np.testing.assert_allclose(prices, [2.0 * 0.7, 0.0, 0.0, 1.0 * 2.3], rtol=1e-5, atol=1e-5)
 
 
 @every_optimizer
 @pytest.mark.parametrize("linear", [False, True])
 def test_scaled_quantities_in_other_units(package, optimizer, linear):
-    problem, found = solved(bowl(make_driver(package, optimizer), linear=linear))
-    assert found.success
+    problem, outcome = solved(bowl(make_driver(package, optimizer), linear=linear))
+    assert outcome.success
     np.testing.assert_allclose(problem.get_val("x", "m"), [1.0, 1.0, 2.5], atol=1e-5)
     assert problem.get_val("f")[0] == pytest.approx(2.25, abs=1e-5)
     # Scaling and units may cost the last bit, no more.
@@ -201,16 +201,16 @@ def test_maximum_and_part_of_a_design_variable(package, optimizer):
     formula = "f = 4 - x[0]**2 - (x[2] - 3)**2"
     bounds = {"indices": [0, 2], "lower": [0.5, -9.0], "upper": 9.0}
     driver = make_driver(package, optimizer)
-    problem, found = solved(of_formulas(driver, formula, [5.0, 7.0, 0.5], bounds, ref=-2.0))
-    assert found.success
+    problem, outcome = solved(of_formulas(driver, formula, [5.0, 7.0, 0.5], bounds, ref=-2.0))
+    assert outcome.success
     np.testing.assert_allclose(problem.get_val("x"), [0.5, 7.0, 3.0], atol=1e-5)
 
 
 @every_optimizer
 def test_coloured_brachistochrone(package, optimizer):
     driver = make_driver(package, optimizer)
-    problem, found = solved(brachistochrone(driver))
-    assert found.success
+    problem, outcome = solved(brachistochrone(driver))
+    assert outcome.success
     # 1.8016 s is the cycloid's time; ten segments of third order come within 3e-4.
     duration = problem.get_val("trajectory.phase.timeseries.time")[-1, 0]
     assert duration == pytest.approx(1.8016, abs=3e-4)
@@ -222,9 +222,9 @@ def test_coloured_brachistochrone(package, optimizer):
 def test_negative_scale_of_a_bound_is_refused(package, optimizer, bounded):
     bounds = {"lower": -5.0, "ref": -1.0 if bounded == "design variable" else 1.0}
     limit = {"lower": 2.0, "ref": -1.0 if bounded == "constraint" else 1.0}
-    about = ["f = x**2", "g = 2*x"], 1.0, bounds
+    arguments = ["f = x**2", "g = 2*x"], 1.0, bounds
     with pytest.raises(ValueError, match="negative ref"):
-        of_formulas(make_driver(package, optimizer), *about, g=limit).final_setup()
+        of_formulas(make_driver(package, optimizer), *arguments, g=limit).final_setup()
 
 
 # Records and progress.
@@ -247,9 +247,9 @@ def test_cases_are_recorded(package, optimizer, empty_directory):
 
 @every_optimizer
 def test_progress_is_reported_in_physical_objective_and_scaled_violation(package, optimizer):
-    told = []
-    bowl(make_driver(package, optimizer, progress=lambda *news: told.append(news))).run_driver()
-    counts, objectives, violations = zip(*told, strict=True)
+    reports = []
+    bowl(make_driver(package, optimizer, progress=lambda *news: reports.append(news))).run_driver()
+    counts, objectives, violations = zip(*reports, strict=True)
     assert list(counts) == list(range(counts[0], counts[0] + len(counts)))
     assert objectives[-1] == pytest.approx(2.25, abs=1e-5)
     assert violations[-1] == pytest.approx(0.0, abs=1e-6)
@@ -267,10 +267,10 @@ def test_progress_is_reported_in_physical_objective_and_scaled_violation(package
 )
 def test_failure_is_told(package, optimizer, most, bounds, word):
     driver = make_driver(package, optimizer, max_iterations=most)
-    _, found = solved(hock_schittkowski_71(driver, *bounds))
-    assert not found.success
-    assert found.message
-    assert word in found.message.lower()
+    _, outcome = solved(hock_schittkowski_71(driver, *bounds))
+    assert not outcome.success
+    assert outcome.message
+    assert word in outcome.message.lower()
 
 
 @every_optimizer
@@ -327,9 +327,9 @@ def test_ipopt_backs_away_from_a_failed_evaluation(package, optimizer, not_a_num
                 raise om.AnalysisError("no solution here")
             x[:] = np.nan
 
-    problem, found = solved(bowl(make_driver(package, optimizer), hook))
+    problem, outcome = solved(bowl(make_driver(package, optimizer), hook))
     assert failures == [4, 5]
-    assert found.success
+    assert outcome.success
     assert problem.get_val("f")[0] == pytest.approx(2.25, abs=1e-5)
 
 
@@ -360,8 +360,8 @@ def test_a_broken_pyoptsparse_is_passed_over(monkeypatch):
 def test_a_missing_package_names_its_remedy(package, optimizer, remedy, monkeypatch):
     monkeypatch.setattr(drivers, "find_spec", lambda name: None)
     key, value = ("optimizer", optimizer) if package == "auto" else ("package", package)
-    told = f"^driver.{key} = '{value}': {optimizer} is not installed; {remedy}"
-    with pytest.raises(InputError, match=told):
+    message = f"^driver.{key} = '{value}': {optimizer} is not installed; {remedy}"
+    with pytest.raises(InputError, match=message):
         make_driver(package, optimizer)
 
 

@@ -67,10 +67,10 @@ def test_a_limit_is_kept_up_to_its_bound(quadratic):
     flow = ConstantInflow(speed=1.5)
     thrust = Run(quadratic, flow).extremes["thrust"].value
     for share, kept in ((0.5, True), (0.9999, True), (1.001, False), (2.0, False)):
-        told = Run(limited(quadratic, ThrustLimit(bound=thrust / share)), flow).extremes["thrust"]
-        assert (told.value, told.kept) == (pytest.approx(thrust, rel=1e-12), kept)
-        assert told.share == pytest.approx(share, rel=1e-12)
-        text = told.row("thrust").text
+        entry = Run(limited(quadratic, ThrustLimit(bound=thrust / share)), flow).extremes["thrust"]
+        assert (entry.value, entry.kept) == (pytest.approx(thrust, rel=1e-12), kept)
+        assert entry.share == pytest.approx(share, rel=1e-12)
+        text = entry.row("thrust").text
         assert f"{100.0 * share:.2f} %" in text
         assert ("kept" in text, "BROKEN" in text) == (kept, not kept)
 
@@ -80,22 +80,22 @@ def test_a_limit_from_below_and_one_of_both_signs(quadratic):
     run = quadratic.simulate(flow)
     slowest, at = run.rotor_speed.min(), np.argmin(run.rotor_speed)
     for least, kept in ((0.5 * slowest, True), (1.1 * slowest, False)):
-        told = Run(limited(quadratic, SlowestRotor(least=least)), flow).extremes["slowest_rotor"]
-        assert (told.limit, told.kept, told.value) == (least, kept, pytest.approx(slowest))
-        assert told.time_s == run.time[at]
-        assert told.share == pytest.approx(2.0 - slowest / least)
-    told = Run(limited(quadratic, TorqueRateLimit(bound=1.0)), flow).extremes["torque_rate"]
+        entry = Run(limited(quadratic, SlowestRotor(least=least)), flow).extremes["slowest_rotor"]
+        assert (entry.limit, entry.kept, entry.value) == (least, kept, pytest.approx(slowest))
+        assert entry.time_s == run.time[at]
+        assert entry.share == pytest.approx(2.0 - slowest / least)
+    entry = Run(limited(quadratic, TorqueRateLimit(bound=1.0)), flow).extremes["torque_rate"]
     rate = np.gradient(run.control_torque, run.time)
-    assert told.value == pytest.approx(np.max(np.abs(rate)), rel=0.05)
-    assert told.share == pytest.approx(told.value)
-    assert not told.kept
+    assert entry.value == pytest.approx(np.max(np.abs(rate)), rel=0.05)
+    assert entry.share == pytest.approx(entry.value)
+    assert not entry.kept
 
 
 def test_time_above_the_cut_out_is_a_share_of_time(quadratic):
     law = quadratic.physics.law.model_copy(update={"cut_out": 1.5 + 1e-9})
     design = replace(quadratic, physics=replace(quadratic.physics, law=law))
-    told = Run(design, GustInflow(width=6.0)).extremes["flow above the cut-out"]
-    assert float(told.remark.split()[1]) == pytest.approx(10.0, abs=0.2)  # 6 s of 60 s
+    entry = Run(design, GustInflow(width=6.0)).extremes["flow above the cut-out"]
+    assert float(entry.remark.split()[1]) == pytest.approx(10.0, abs=0.2)  # 6 s of 60 s
 
 
 def test_a_torque_that_drives_the_rotor_is_reported(open_loop):
@@ -104,8 +104,8 @@ def test_a_torque_that_drives_the_rotor_is_reported(open_loop):
         heavy = replace(open_loop, plant=replace(open_loop.plant, inertia=1e6))
         heavy = limited(heavy, TorqueLimit(bound=bound))
         heavy.__dict__["controller"] = _driving
-        told = Run(heavy, SineInflow()).extremes["control_torque"]
-        assert (told.value, told.limit, told.kept) == (-5.0, 0.0, False)
+        entry = Run(heavy, SineInflow()).extremes["control_torque"]
+        assert (entry.value, entry.limit, entry.kept) == (-5.0, 0.0, False)
 
 
 def _driving(_time, speed, *_):
@@ -126,9 +126,9 @@ def test_the_speed_of_an_unstable_rotor_is_held_as_in_the_run(open_loop):
     time = (np.arange(60.0)[:, None] + [0.0, 0.5, 1.0]).ravel()
     speeds = np.linspace(4.0, 9.0, 501)
     torques = plant.torque(speeds, np.full(501, 1.5))
-    place = np.argmax(torques) - 30
-    speed, torque = speeds[place], torques[place]
-    assert torques[place + 10] > torque > torques[place - 10]
+    index = np.argmax(torques) - 30
+    speed, torque = speeds[index], torques[index]
+    assert torques[index + 10] > torque > torques[index - 10]
     table = dict.fromkeys(open_loop.solution.trajectory, np.ones(180)) | {"time_s": time}
     table |= {"inflow_speed_m_s": np.full(180, 1.5), "rotor_speed_rad_s": np.full(180, speed)}
     table |= {"control_torque_Nm": np.full(180, torque)}
@@ -179,27 +179,27 @@ def test_strict_ends_with_3_where_a_limit_is_broken(folder, open_loop, capsys):
     fast = ["simulate", str(folder), "--flow", "{profile: constant, speed: 2}"]
     assert main(fast) == 0
     assert main([*fast, "--strict"]) == 3
-    told = capsys.readouterr()
-    assert re.search(r"thrust +1[\d.]+ kN, limit 8 kN, 1\d\d\.\d\d %,\s+BROKEN", told.out)
-    assert told.err == "error: not kept: thrust\n"
+    output = capsys.readouterr()
+    assert re.search(r"thrust +1[\d.]+ kN, limit 8 kN, 1\d\d\.\d\d %,\s+BROKEN", output.out)
+    assert output.err == "error: not kept: thrust\n"
     assert main(["simulate", str(open_loop.solution.folder), "--flow", "C", "--strict"]) == 3
-    told = capsys.readouterr()
+    output = capsys.readouterr()
     stops = r"rotor stops from t = [\d.]+ s, generates no more: the simulation ends there"
-    assert re.search(stops, " ".join(told.out.split()))
-    assert told.err == "error: not kept: rotor stops\n"
+    assert re.search(stops, " ".join(output.out.split()))
+    assert output.err == "error: not kept: rotor stops\n"
 
 
 def test_memory_of_the_wake_lets_the_papers_rotor_run_away(quadratic, tmp_path, capsys):
     """At the torque limit; in a slower flow, which the limit does not bend, the rotor is stable."""
     command = ["simulate", str(quadratic.solution.folder), "--inflow-dynamics", "oye"]
     assert main([*command, "--strict", "--out", str(tmp_path)]) == 3
-    told = capsys.readouterr()
-    words = " ".join(told.out.split())
+    output = capsys.readouterr()
+    words = " ".join(output.out.split())
     assert "with dynamic inflow (tau1 by the induction): 314.7" in words
     assert "without memory: 310.552 kJ captured" in words
     assert re.search(r"314\.7\d+ kJ .* rotor at [\d.]+ to 1[67][\d.]+ rad/s", words)
     assert re.search(r"rotor runs away from t = \d\.\d+ s, more than 20 % faster", words)
-    assert told.err == "error: not kept: rotor runs away\n"
+    assert output.err == "error: not kept: rotor runs away\n"
     rows = json.loads((tmp_path / "simulations.json").read_text())
     thrust = {row["quantity"]: row["value"] for row in rows}["thrust"]
     assert thrust == pytest.approx(16.24e3, rel=1e-3)
@@ -214,14 +214,14 @@ def test_loads_with_memory_are_those_of_the_sections_then(quadratic):
     """Thrust, of the torque and loads that the sections have in what the wake induces."""
     (run,) = runs_of(quadratic.solution, "design", None, True, 1.0)
     simulated, plant = run.simulation, run.design.plant
-    known = simulated.rotor_speed, simulated.inflow_speed, simulated.filters
-    seen = plant.wake.sections(*known)
+    operation = simulated.rotor_speed, simulated.inflow_speed, simulated.filters
+    sections = plant.wake.sections(*operation)
     blade, pressure = plant.blade, 0.5 * plant.density * simulated.inflow_speed**2
     spans = 0.5 * blade.blade_count * (blade.edges[2:] - blade.edges[:-2])
-    thrust = pressure * (seen.normal_load @ spans)
+    thrust = pressure * (sections.normal_load @ spans)
     assert run.extremes["thrust"].value == pytest.approx(np.max(thrust), rel=1e-12)
     assert run.extremes["thrust"].time_s == pytest.approx(simulated.time[np.argmax(thrust)])
-    torque = pressure * (seen.tangential_load @ (spans * blade.r))
+    torque = pressure * (sections.tangential_load @ (spans * blade.r))
     np.testing.assert_allclose(simulated.hydrodynamic_torque, torque, rtol=1e-10)
 
 
@@ -245,8 +245,8 @@ def test_what_does_not_go_with_memory_is_reported(quadratic, options, key, capsy
 
 def test_seeds_are_simulated_one_by_one_and_written(folder, tmp_path, capsys):
     out = tmp_path / "made" / "tables"
-    given = ["--flow", TURBULENCE, "--flow-seeds", "3,5..6"]
-    assert main(["simulate", str(folder), *given, "--out", str(out)]) == 0
+    options = ["--flow", TURBULENCE, "--flow-seeds", "3,5..6"]
+    assert main(["simulate", str(folder), *options, "--out", str(out)]) == 0
     printed = capsys.readouterr().out
     assert "Largest values of 3 simulations" in printed
     rows = json.loads((out / "simulations.json").read_text())
@@ -259,13 +259,13 @@ def test_seeds_are_simulated_one_by_one_and_written(folder, tmp_path, capsys):
         assert list(text) == list(row), number
         assert float(text["value"]) == row["value"]
         runs.setdefault(row["seed"], {})[row["quantity"]] = row
-    for seed, told in runs.items():
+    for seed, entries in runs.items():
         flow = TURBULENCE.replace("}", f", seed: {seed}" + "}")
         (alone,) = runs_of(Solution.load(folder), parse(flow, "flow"))
-        assert told["energy"]["value"] == pytest.approx(alone.energies["energy"], rel=1e-12)
+        assert entries["energy"]["value"] == pytest.approx(alone.energies["energy"], rel=1e-12)
         assert f"seed {seed}, without noise: {alone.outcome}; limits: {alone.verdicts}" in printed
         for name, entry in alone.extremes.items():
-            assert told[name]["value"] == pytest.approx(entry.value, rel=1e-12), name
+            assert entries[name]["value"] == pytest.approx(entry.value, rel=1e-12), name
     worst = max(runs, key=lambda seed: runs[seed]["thrust"]["share"])
     row = re.search("thrust  .*?root", printed, re.DOTALL)[0]
     assert f"in seed {worst}" in " ".join(row.split())
@@ -285,9 +285,9 @@ def test_of_several_runs_the_most_used_limit_is_reported(quadratic):
     slow = Run(limited(quadratic, ThrustLimit(bound=8e3)), ConstantInflow(speed=1.2), "slow")
     fast = Run(limited(quadratic), ConstantInflow(speed=1.6), "fast")
     for runs in ((slow, fast), (fast, slow)):
-        told = largest(runs)
-        assert (told["thrust"].scenario, told["thrust"].limit) == ("slow", 8e3)
-        assert told["root_moment"].scenario == told["thrust without limit"].scenario == "fast"
+        worst = largest(runs)
+        assert (worst["thrust"].scenario, worst["thrust"].limit) == ("slow", 8e3)
+        assert worst["root_moment"].scenario == worst["thrust without limit"].scenario == "fast"
     tighter = replace(slow, design=limited(quadratic, ThrustLimit(bound=5e3)), scenario="tighter")
     assert largest([slow, tighter])["thrust"].scenario == "tighter"
 

@@ -73,8 +73,8 @@ def test_the_flow_is_estimated_from_speeds_and_torques_that_were_read(tracking):
     quiet = noisy_runs(estimating, flow, sensor, 1, 0).energy[0]
     assert quiet == pytest.approx(exact.energy, rel=1e-4)
     loud = replace(sensor, snr=30.0, reference="total")
-    told, estimated = (noisy_runs(each, flow, loud, 2, 1).energy for each in (tracking, estimating))
-    assert np.all(estimated < told)
+    sensed, estimated = (noisy_runs(x, flow, loud, 2, 1).energy for x in (tracking, estimating))
+    assert np.all(estimated < sensed)
 
 
 def test_noise_of_the_flows_sensor_passes_its_lag():
@@ -83,8 +83,8 @@ def test_noise_of_the_flows_sensor_passes_its_lag():
     random, flow = np.random.default_rng(1), np.full(count, 1.5)
     gains, states = np.array([*np.linspace(5.0, 10.0, 8), 150.0, 600.0]), [0.0 * flow, flow]
     for _ in range(200):
-        told = law.sensed(flow, random)
-        states = _advanced(law, 5.0 * flow, told, gains, states, period)
+        reading = law.sensed(flow, random)
+        states = _advanced(law, 5.0 * flow, reading, gains, states, period)
     expected = law.noise * np.sqrt(period / (2.0 * law.lag + period))
     assert np.std(states[1]) == pytest.approx(expected, rel=0.02)
     assert np.mean(states[1]) == pytest.approx(1.5, abs=1e-3)

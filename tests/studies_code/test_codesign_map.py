@@ -30,15 +30,15 @@ def test_lines_are_those_of_the_equation_of_motion(study):
 
 def test_the_data_agree_with_the_theory(study):
     rows = study.read()
-    known = [row for row in rows if row["verified"] == "yes"]
-    assert len(known) > 0.97 * len(rows)
-    for row in known:
+    verified = [row for row in rows if row["verified"] == "yes"]
+    assert len(verified) > 0.97 * len(rows)
+    for row in verified:
         assert study.gain(row) > -study.TOLD  # the sequential design is one of co-design's
         if study.free(row):
             assert study.gain(row) < 1e-6
         if study.full(row):
             assert study.gain(row) < study.TOLD
-    below = [row for row in known if row["limit"] == "torque" and float(row["share"]) < 1.4]
+    below = [row for row in verified if row["limit"] == "torque" and float(row["share"]) < 1.4]
     assert min(map(study.gain, below)) > 1e-4
-    fast = [row for row in known if row["limit"] == "power" and float(row["beta"]) < 0.06]
+    fast = [row for row in verified if row["limit"] == "power" and float(row["beta"]) < 0.06]
     assert max(map(study.gain, fast)) < 2e-4

@@ -31,9 +31,9 @@ def test_the_cost_is_that_of_its_formula_by_hand(script):
 
 @pytest.mark.slow
 def test_the_designs_of_the_data_are_those_that_the_command_finds(script):
-    found, recorded = script.found(), page_data.read("cost")["designs"]
-    assert found.keys() == recorded.keys()
-    for name, design in found.items():
+    designs, recorded = script.found(), page_data.read("cost")["designs"]
+    assert designs.keys() == recorded.keys()
+    for name, design in designs.items():
         assert design == pytest.approx(recorded[name], rel=2e-3), name
 
 

@@ -111,11 +111,11 @@ def test_an_open_loop_below_a_law_is_told(tmp_path):
         return run
 
     runs = [ended("rated", 99.0), ended("curve", 101.0), ended("quadratic", 0.0, 300.0)]
-    told = "\n".join(turbines.table([*runs, ended("open_loop", 100.0)]))
-    assert "| **all** | 3/4, 75 % | 20 (300) | 1 |" in told
-    assert "`0_001`: curve is 1.00e-02 above" in told
-    assert "`0_001/quadratic`, 300 s: refused" in told
-    assert "rated is" not in told
+    text = "\n".join(turbines.table([*runs, ended("open_loop", 100.0)]))
+    assert "| **all** | 3/4, 75 % | 20 (300) | 1 |" in text
+    assert "`0_001`: curve is 1.00e-02 above" in text
+    assert "`0_001/quadratic`, 300 s: refused" in text
+    assert "rated is" not in text
 
 
 @pytest.mark.slow

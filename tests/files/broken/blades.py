@@ -32,12 +32,12 @@ def _broken():
     """Yield the name of each flaw, and its file's name, content and what is said of it."""
     for suffix, flaws in yaml.safe_load((DATA / "flaws.yaml").read_text()).items():
         sound = (DATA / f"blade.{suffix}").read_text()
-        for name, old, new, told in flaws:
+        for name, old, new, message in flaws:
             assert old in sound, name
             content = sound.replace(old, new, 1).encode()
-            yield f"{suffix}: {name}", (f"blade.{suffix}", content, told)
-    for name, (content, told) in _WHOLE.items():
-        yield name, (f"blade.{name.partition(':')[0]}", content, told)
+            yield f"{suffix}: {name}", (f"blade.{suffix}", content, message)
+    for name, (content, message) in _WHOLE.items():
+        yield name, (f"blade.{name.partition(':')[0]}", content, message)
 
 
 BROKEN: dict[str, tuple[str, bytes, str]] = dict(_broken())

@@ -17,8 +17,8 @@ WELL = (
 
 def _spoiled(kind):
     """Return the broken files of a kind by the names of their flaws."""
-    found = {}
-    for name, file, sound, old, new, told in yaml.safe_load((DATA / "polars.yaml").read_text())[
+    files = {}
+    for name, file, sound, old, new, message in yaml.safe_load((DATA / "polars.yaml").read_text())[
         kind
     ]:
         text = new
@@ -26,8 +26,8 @@ def _spoiled(kind):
             text = (DATA / sound).read_text()
             assert text.count(old) == 1, name
             text = text.replace(old, new)
-        found[name] = (file, text.encode(), told)
-    return found
+        files[name] = (file, text.encode(), message)
+    return files
 
 
 POLARS, OUTLINES = _spoiled("polars"), _spoiled("outlines")
