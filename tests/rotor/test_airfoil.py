@@ -69,13 +69,13 @@ def test_table_points_are_interpolated_exactly(name):
 # Outline
 
 
-def naca_4_digit(camber, place, thickness, n=2001):
+def naca_4_digit(camber, position, thickness, n=2001):
     """Points of a NACA 4-digit section (Jacobs, Ward and Pinkerton, NACA Report 460, 1933)."""
     x = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, n)))
     a = (0.2969, -0.1260, -0.3516, 0.2843, -0.1015)
     half = 5.0 * thickness * (a[0] * np.sqrt(x) + x * np.polyval(a[:0:-1], x))
-    ahead = x < place if camber else np.zeros(n, bool)
-    p = place if camber else 0.5
+    ahead = x < position if camber else np.zeros(n, bool)
+    p = position if camber else 0.5
     q = np.where(ahead, p, 1.0 - p)
     line = camber / q**2 * (np.where(ahead, 0.0, 1.0 - 2.0 * p) + 2.0 * p * x - x**2)
     slope = np.arctan(2.0 * camber / q**2 * (p - x))

@@ -89,42 +89,42 @@ def test_residual_is_nings(angle, polar):
 def test_momentum_and_blade_element_agree_at_every_root(blade, polar):
     """Thrust and torque of an annulus are those of its momentum; velocities form a triangle."""
     ratio = np.linspace(2.0, 14.0, 49)
-    found = bem.sections(blade, polar, ratio)
+    sections = bem.sections(blade, polar, ratio)
     lambda_r = ratio[:, None] * blade.r / blade.tip_radius
-    a, a_prime, phi = found.axial_induction, found.tangential_induction, found.inflow_angle
+    a, a_prime, phi = sections.axial_induction, sections.tangential_induction, sections.inflow_angle
     along, around = 1.0 - a, lambda_r * (1.0 + a_prime)
     assert np.allclose(np.tan(phi), along / around, rtol=1e-11)
-    assert np.allclose(found.relative_speed, np.hypot(along, around), rtol=1e-11)
+    assert np.allclose(sections.relative_speed, np.hypot(along, around), rtol=1e-11)
     exponent = 0.5 * blade.blade_count / np.sin(phi)
     tip = np.arccos(np.exp(-exponent * (blade.tip_radius - blade.r) / blade.r))
     hub = np.arccos(np.exp(-exponent * (blade.r - blade.hub_radius) / blade.hub_radius))
     loss = (2.0 / np.pi) ** 2 * tip * hub
     annulus = 2.0 * np.pi * blade.r
     turning = 4.0 * loss * a_prime * (1.0 - a) * lambda_r * annulus
-    assert np.allclose(blade.blade_count * found.tangential_load, turning, atol=1e-11)
+    assert np.allclose(blade.blade_count * sections.tangential_load, turning, atol=1e-11)
     thrust = np.where(
-        found.branch == 0,
+        sections.branch == 0,
         4.0 * loss * a * (1.0 - a),
         8.0 / 9.0 + (4.0 * loss - 40.0 / 9.0) * a + (50.0 / 9.0 - 4.0 * loss) * a**2,  # Buhl 2005
     )
-    assert set(found.branch.ravel()) == {0, 1}
-    assert np.allclose(blade.blade_count * found.normal_load, thrust * annulus, rtol=1e-10)
+    assert set(sections.branch.ravel()) == {0, 1}
+    assert np.allclose(blade.blade_count * sections.normal_load, thrust * annulus, rtol=1e-10)
 
 
 @pytest.mark.parametrize("ratio", [0.5, 1.0, 3.0, 8.0])
 def test_glauerts_rotor(ratio, ideal_polar):
     """Without drag and with very many blades roots and power are those of Glauert's theory."""
     blade, phi = glauert_rotor(ratio)
-    found = bem.sections(blade, ideal_polar, ratio)
+    sections = bem.sections(blade, ideal_polar, ratio)
     middle = (blade.r > 0.03) & (blade.r < 0.95)  # elsewhere the losses are felt
-    assert np.allclose(found.inflow_angle[0, middle], phi[middle], atol=1e-7)
+    assert np.allclose(sections.inflow_angle[0, middle], phi[middle], atol=1e-7)
     k = (1.0 - np.cos(phi)) * np.cos(phi) / np.sin(phi) ** 2
-    assert np.allclose(found.axial_induction[0, middle], (k / (1.0 + k))[middle], atol=1e-7)
+    assert np.allclose(sections.axial_induction[0, middle], (k / (1.0 + k))[middle], atol=1e-7)
     # The annulus' power is the integrand of Wilson's and Lissaman's power coefficient
     lambda_r, sine, cosine = ratio * blade.r, np.sin(phi), np.cos(phi)
     share = 4.0 * sine**2 * (cosine - lambda_r * sine) * (sine + lambda_r * cosine) * lambda_r
-    found_share = blade.blade_count * found.tangential_load[0] * ratio / (2.0 * np.pi)
-    assert np.allclose(found_share[middle], share[middle], atol=1e-7)
+    bem_share = blade.blade_count * sections.tangential_load[0] * ratio / (2.0 * np.pi)
+    assert np.allclose(bem_share[middle], share[middle], atol=1e-7)
 
 
 @given(rotor=rotors(), ratio=ratios)
@@ -135,16 +135,16 @@ def test_every_section_with_drag_has_a_root(rotor, ratio):
     annuli that the trapezoidal rule sees.
     """
     blade, polar = rotor
-    found = bem.sections(blade, polar, ratio, derivatives=True)
-    for values in found:
+    sections = bem.sections(blade, polar, ratio, derivatives=True)
+    for values in sections:
         assert np.all(np.isfinite(values))
-    assert np.all(found.branch >= 0)
-    assert np.all(found.branch <= 2)
-    assert np.all(found.inflow_angle > 0.0)
-    assert np.all(found.inflow_angle < np.pi)
-    assert np.all(found.relative_speed > 0.0)
-    for i, j in np.ndindex(found.branch.shape):  # where it is steep, the bracket is tight
-        angles = found.inflow_angle[i, j] + np.array([-1e-13, 0.0, 1e-13])
+    assert np.all(sections.branch >= 0)
+    assert np.all(sections.branch <= 2)
+    assert np.all(sections.inflow_angle > 0.0)
+    assert np.all(sections.inflow_angle < np.pi)
+    assert np.all(sections.relative_speed > 0.0)
+    for i, j in np.ndindex(sections.branch.shape):  # where it is steep, the bracket is tight
+        angles = sections.inflow_angle[i, j] + np.array([-1e-13, 0.0, 1e-13])
         terms = [bem._terms(angle, *station_of(blade, polar, j))[0] for angle in angles]
         f = [s - c * blade.tip_radius / (ratio[i] * blade.r[j]) for s, c, _, _ in terms]
         assert abs(f[1]) <= 1e-10 or f[0] < 0.0 < f[2]
@@ -156,9 +156,9 @@ def test_every_section_with_drag_has_a_root(rotor, ratio):
 def test_first_root_is_taken(rotor, ratio):
     """No root lies at a smaller inflow angle: the residual is negative all the way."""
     blade, polar = rotor
-    found = bem.sections(blade, polar, ratio)
-    for i, j in np.ndindex(found.branch.shape):
-        angles = np.linspace(1e-6, found.inflow_angle[i, j] - 1e-9, 100)
+    sections = bem.sections(blade, polar, ratio)
+    for i, j in np.ndindex(sections.branch.shape):
+        angles = np.linspace(1e-6, sections.inflow_angle[i, j] - 1e-9, 100)
         terms = [bem._terms(angle, *station_of(blade, polar, j))[0] for angle in angles]
         f = [s - c * blade.tip_radius / (ratio[i] * blade.r[j]) for s, c, _, _ in terms]
         assert max(f) < 1e-7
@@ -169,14 +169,14 @@ def root_changes(blade, polar, low, high):
 
     That is at the local minima of the station's curve g(phi) that are below all before them.
     """
-    found = []
+    roots = []
     for j, r in enumerate(blade.r):
         knots = np.empty((7, bem.MOST_KNOTS))
         running = knots[6, : bem._curve(-np.inf, station_of(blade, polar, j), knots)]
         held = np.flatnonzero((running[1:] == running[:-1]) & np.isfinite(running[:-1]))
         vanishing = np.unique(np.concatenate((running[[0, -1]], running[held])))
-        found += [(j, ratio) for ratio in vanishing * blade.tip_radius / r if low <= ratio <= high]
-    return sorted(found, key=lambda change: change[1])
+        roots += [(j, ratio) for ratio in vanishing * blade.tip_radius / r if low <= ratio <= high]
+    return sorted(roots, key=lambda change: change[1])
 
 
 def largest_jump(blade, polar, low, high):
@@ -187,8 +187,8 @@ def largest_jump(blade, polar, low, high):
     points = np.linspace(low, high, 61)
     torque = bem.rotor_coefficients(blade, polar, points).torque
     scale = np.abs(torque).max()
-    place = int(np.argmax(np.abs(np.diff(torque))))
-    low, high = points[place : place + 2]
+    index = int(np.argmax(np.abs(np.diff(torque))))
+    low, high = points[index : index + 2]
     for _ in range(40):
         points = np.array([low, 0.5 * (low + high), high])
         left, right = np.abs(np.diff(bem.rotor_coefficients(blade, polar, points).torque))
@@ -241,15 +241,15 @@ def test_derivatives_are_those_of_the_complex_step(branch, study, ideal_polar):
     while checked < 40:
         rotor = (study.wild_rotor if checked % 2 else study.random_rotor)(rng, POLARS)
         blade, polar = rotor.blade, ideal_polar if branch == 3 else POLARS[checked % 6]
-        found = bem.sections(blade, polar, rotor.tip_speed_ratio, derivatives=True)
-        for i, j in np.argwhere(found.branch == branch)[:2]:
-            phi = found.inflow_angle[i, j]
+        sections = bem.sections(blade, polar, rotor.tip_speed_ratio, derivatives=True)
+        for i, j in np.argwhere(sections.branch == branch)[:2]:
+            phi = sections.inflow_angle[i, j]
             inputs = [rotor.tip_speed_ratio[i], blade.chord[j], blade.twist[j]]
-            for place in range(len(inputs)):
+            for index in range(len(inputs)):
                 stepped = list(inputs)
-                stepped[place] = inputs[place] + 1e-30j
+                stepped[index] = inputs[index] + 1e-30j
                 expected = complex_section(phi, stepped, blade.r[j], blade, polar).imag / 1e-30
-                mine = found.derivatives[:, place, i, j]
+                mine = sections.derivatives[:, index, i, j]
                 assert np.allclose(mine, expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max())
             checked += 1
 
@@ -264,9 +264,9 @@ def test_one_polar_for_each_station_and_any_order_of_stations(blade, polar):
     for mine, theirs in zip(whole, same, strict=True):
         assert np.array_equal(mine, theirs)
     mixed = ByStation.of(POLARS[0] if j < 4 else polar for j in range(blade.r.size))
-    found = bem.sections(blade, mixed, ratio)
-    assert np.array_equal(found.normal_load[:, 4:], whole.normal_load[:, 4:])
-    assert not np.any(found.normal_load[:, :4] == whole.normal_load[:, :4])
+    sections = bem.sections(blade, mixed, ratio)
+    assert np.array_equal(sections.normal_load[:, 4:], whole.normal_load[:, 4:])
+    assert not np.any(sections.normal_load[:, :4] == whole.normal_load[:, :4])
     back = replace(blade, r=blade.r[::-1], chord=blade.chord[::-1], twist=blade.twist[::-1])
     assert np.array_equal(bem.sections(back, polar, ratio).normal_load[:, ::-1], whole.normal_load)
 
@@ -275,9 +275,9 @@ def test_one_polar_for_each_station_and_any_order_of_stations(blade, polar):
 def test_coefficients_follow_from_sections_that_are_known(blade, polar, cone):
     ratio = np.array([5.0, 8.0, 11.0])
     coned = replace(blade, cone=cone)
-    known = bem.sections(coned, polar, ratio, True)
-    known = bem.rotor_coefficients(coned, polar, ratio, True, known)
-    np.testing.assert_equal(known, bem.rotor_coefficients(coned, polar, ratio, True))
+    result = bem.sections(coned, polar, ratio, True)
+    result = bem.rotor_coefficients(coned, polar, ratio, True, result)
+    np.testing.assert_equal(result, bem.rotor_coefficients(coned, polar, ratio, True))
 
 
 def test_ratios_must_be_positive_and_stations_inside(blade, polar):
@@ -299,11 +299,11 @@ def test_section_without_a_root_is_marked_and_bears_no_load(study, ideal_polar):
         for rotor in (study.wild_rotor(rng, [ideal_polar]) for _ in range(300))
         if np.any(bem.sections(rotor.blade, ideal_polar, rotor.tip_speed_ratio).branch == -1)
     )
-    found = bem.sections(rotor.blade, ideal_polar, rotor.tip_speed_ratio, derivatives=True)
-    none = found.branch == -1
-    assert not np.any(np.array(found[:-1])[:, none])
-    assert not np.any(found.derivatives[:, :, none])
-    assert np.all(found.relative_speed[~none] > 0.0)
+    sections = bem.sections(rotor.blade, ideal_polar, rotor.tip_speed_ratio, derivatives=True)
+    none = sections.branch == -1
+    assert not np.any(np.array(sections[:-1])[:, none])
+    assert not np.any(sections.derivatives[:, :, none])
+    assert np.all(sections.relative_speed[~none] > 0.0)
     with pytest.warns(RuntimeWarning, match="no root"):
         bem.rotor_coefficients(rotor.blade, ideal_polar, rotor.tip_speed_ratio)
 
@@ -313,10 +313,10 @@ def test_section_without_a_root_is_marked_and_bears_no_load(study, ideal_polar):
 
 def test_published_rotors_are_those_of_ccblade(study):
     for rotor in (study.bahaj(), study.nrel_5mw()):
-        found = study.compare(rotor, derivatives=True)
-        assert set(found.kinds) == {study.SAME}
-        assert found.error < 1e-10
-        assert found.gradient_error < 1e-8
+        comparison = study.compare(rotor, derivatives=True)
+        assert set(comparison.kinds) == {study.SAME}
+        assert comparison.error < 1e-10
+        assert comparison.gradient_error < 1e-8
 
 
 def test_random_rotors_are_those_of_ccblade_and_every_difference_is_explained(study):
@@ -324,11 +324,11 @@ def test_random_rotors_are_those_of_ccblade_and_every_difference_is_explained(st
     for number in range(150):
         wild = number % 5 == 4
         rotor = (study.wild_rotor if wild else study.random_rotor)(rng, polars)
-        found = study.compare(rotor, derivatives=number % 5 == 0)
-        assert found.error < 1e-8
-        assert found.gradient_error < 1e-6
-        assert study.OTHER not in found.kinds
-        assert study.CC_ONLY not in found.kinds
+        comparison = study.compare(rotor, derivatives=number % 5 == 0)
+        assert comparison.error < 1e-8
+        assert comparison.gradient_error < 1e-6
+        assert study.OTHER not in comparison.kinds
+        assert study.CC_ONLY not in comparison.kinds
 
 
 # Cone
@@ -359,19 +359,19 @@ def local():
 
 def test_local_reynolds_number_picks_the_polar(local):
     """At the viscosity that brings one station to a table's Reynolds number, it has that table."""
-    blade, ratio, place = local.blade, 7.0, 5
-    relative = blade.chord[place] * np.sqrt(1.0 + (ratio * blade.r[place] / blade.tip_radius) ** 2)
+    blade, ratio, index = local.blade, 7.0, 5
+    relative = blade.chord[index] * np.sqrt(1.0 + (ratio * blade.r[index] / blade.tip_radius) ** 2)
     for number, polar in zip((1e5, 5e5, 2e6), (POLARS[0], POLARS[3], POLARS[5]), strict=True):
         polars = replace(local.polar, flow_speed=number * local.polar.viscosity / relative)
-        found, alone = (
-            bem.sections(blade, each, ratio).tangential_load[0, place] for each in (polars, polar)
+        load, alone = (
+            bem.sections(blade, table, ratio).tangential_load[0, index] for table in (polars, polar)
         )
-        assert found == pytest.approx(alone, rel=1e-9)
+        assert load == pytest.approx(alone, rel=1e-9)
 
 
 def test_derivatives_with_a_local_reynolds_number(local):
     blade, ratio, step = local.blade, np.linspace(4.0, 10.0, 13), 1e-6
-    found = bem.rotor_coefficients(blade, local.polar, ratio, derivatives=True)
+    exact = bem.rotor_coefficients(blade, local.polar, ratio, derivatives=True)
 
     def slope(chord=0.0, radius=0.0, faster=0.0):
         """Return that of the torque along a change of chord (m), radius (m) and ratio."""
@@ -385,9 +385,9 @@ def test_derivatives_with_a_local_reynolds_number(local):
 
     for station in (0, 4, 8):
         by_chord = slope(chord=np.eye(blade.r.size)[station])
-        np.testing.assert_allclose(found.torque_table.by_chord[:, station], by_chord, atol=1e-8)
-    np.testing.assert_allclose(found.torque_table.by_tip_speed_ratio, slope(faster=1.0), atol=1e-8)
-    np.testing.assert_allclose(found.torque_table.by_rotor_radius, slope(radius=1.0), atol=1e-8)
+        np.testing.assert_allclose(exact.torque_table.by_chord[:, station], by_chord, atol=1e-8)
+    np.testing.assert_allclose(exact.torque_table.by_tip_speed_ratio, slope(faster=1.0), atol=1e-8)
+    np.testing.assert_allclose(exact.torque_table.by_rotor_radius, slope(radius=1.0), atol=1e-8)
 
 
 # Published numbers

@@ -55,11 +55,11 @@ def test_water_of_a_plate_turning_like_a_paddle():
     for cone in (0.0, 0.3):
         paddle = blade(chord, cone).with_shape(chord, np.full(5, 0.5 * np.pi))
         cylinder = 1000.0 * np.pi * 0.1**2 * (TIP**3 - HUB**3) / 3.0 * np.cos(cone) ** 2
-        found = water_inertia(paddle, 1000.0)
-        assert found == pytest.approx(paddle.blade_count * cylinder, rel=1e-12)
+        inertia = water_inertia(paddle, 1000.0)
+        assert inertia == pytest.approx(paddle.blade_count * cylinder, rel=1e-12)
         flat = paddle.with_shape(chord, np.zeros(5))
         assert water_inertia(flat, 1000.0) == 0.0
-        assert water_inertia(flat, 1000.0, 0.3) == pytest.approx(0.09 * found, rel=1e-12)
+        assert water_inertia(flat, 1000.0, 0.3) == pytest.approx(0.09 * inertia, rel=1e-12)
 
 
 def test_the_planform_is_the_integral_of_the_chord():
@@ -79,8 +79,8 @@ def test_the_planform_is_the_integral_of_the_chord():
 @pytest.mark.parametrize("water", ["none", "plate", "ellipse"])
 def test_partials_are_exact(water):
     chord = np.array([0.2, 0.18, 0.15, 0.1, 0.08])
-    about = {"hub_inertia": 0.5, "added_inertia": water, "thickness": 0.2}
-    rotor = RotorModel(None, SimpleNamespace(density=DENSITY, section_area=AREA), **about)
+    options = {"hub_inertia": 0.5, "added_inertia": water, "thickness": 0.2}
+    rotor = RotorModel(None, SimpleNamespace(density=DENSITY, section_area=AREA), **options)
     twisted = blade(chord, 0.1).with_shape(chord, np.linspace(0.5, 0.1, 5))
     twisted = replace(twisted, hub_inertia=0.5 if water == "plate" else None)  # designed
     values = {"rotor_radius": 1.1 * TIP} | ({"hub_inertia": 0.6} if water == "plate" else {})

@@ -30,8 +30,8 @@ def suction(angle):
 def model_of(polar, suction=suction, **changes):
     """Return a model whose sections have some suction."""
 
-    def along(*given):
-        angle = given[-1]
+    def along(*arguments):
+        angle = arguments[-1]
         return *suction(angle), np.zeros((2, *angle.shape))
 
     polar = type("Sections", (type(polar),), {"along": along})(**vars(polar))
@@ -76,12 +76,12 @@ def test_moment_between_stations_is_that_of_a_rule_which_begins_there(blade):
     """The trapezoidal rule over the place itself, the stations outside it and the tip."""
     load = np.random.default_rng(0).uniform(size=blade.r.size)
     places = np.array([blade.hub_radius, 0.3, 0.5, blade.r[3], 1.3])
-    found = load @ moment_weights(blade, places)
-    for place, moment in zip(places, found, strict=True):
-        outside = blade.r > place
-        s = np.concatenate(([place], blade.r[outside], [blade.tip_radius]))
+    moments = load @ moment_weights(blade, places)
+    for radius, moment in zip(places, moments, strict=True):
+        outside = blade.r > radius
+        s = np.concatenate(([radius], blade.r[outside], [blade.tip_radius]))
         force = np.concatenate(([0.0], load[outside], [0.0]))
-        assert moment == pytest.approx(np.trapezoid(force * (s - place), s), rel=1e-13)
+        assert moment == pytest.approx(np.trapezoid(force * (s - radius), s), rel=1e-13)
 
 
 def test_stress_of_a_uniformly_loaded_rectangle(loaded):
@@ -120,16 +120,16 @@ def test_a_bar_turning_without_loads_has_the_centrifugal_stress(nothing):
     """rho w² (R² - r²) / 2 with a free end."""
     blade = Blade(np.array([0.3, 0.55, 0.9, 1.2]), np.full(4, 0.1), np.zeros(4), 0.2, 1.4, 3)
     model = LoadModel(nothing, structure=Structure.of(rectangle(), METAL))
-    found = model.loads(blade, RATIO, derivatives=True)["stress"]
+    stress = model.loads(blade, RATIO, derivatives=True)["stress"]
     flow_speed = 1.7
     speed = RATIO[:, None] * flow_speed / 1.4
-    expected = 0.5 * METAL * speed**2 * (1.4**2 - found.r**2)
+    expected = 0.5 * METAL * speed**2 * (1.4**2 - stress.r**2)
     q = 0.5 * WATER * flow_speed**2
-    assert q * found.exact == pytest.approx(expected, rel=1e-13)
+    assert q * stress.exact == pytest.approx(expected, rel=1e-13)
     # twice as fast is four times the stress; a uniform chord does not matter
-    for place in np.eye(found.r.size):
-        by_ratio, by_chord, *_ = found.slopes(np.broadcast_to(place, found.values.shape))
-        assert by_ratio * RATIO == pytest.approx(2.0 * found.values @ place, rel=1e-12)
+    for unit in np.eye(stress.r.size):
+        by_ratio, by_chord, *_ = stress.slopes(np.broadcast_to(unit, stress.values.shape))
+        assert by_ratio * RATIO == pytest.approx(2.0 * stress.values @ unit, rel=1e-12)
         assert np.sum(by_chord, axis=-1) == pytest.approx(0.0, abs=1e-9)
 
 
@@ -138,13 +138,13 @@ def test_the_centrifugal_force_bends_coned_blades(nothing):
     cone, hub, tip, chord, height = 0.2, 0.2, 1.4, 0.1, 0.02
     blade = uniform_blade(5, cone=cone, chord=chord)
     model = LoadModel(nothing, structure=Structure.of(rectangle(), METAL))
-    found = model.loads(blade, [6.0])["stress"]
-    r = found.r
+    stress = model.loads(blade, [6.0])["stress"]
+    r = stress.r
     rate = METAL * 2.0 * 36.0 / (WATER * (tip * np.cos(cone)) ** 2) * np.cos(cone)  # of w²
     tension = rate * np.cos(cone) * 0.5 * (tip**2 - r**2)
     arm = (tip**3 - r**3) / 3.0 - r * (tip**2 - r**2) / 2.0
     bending = rate * np.sin(cone) * arm * 6.0 / height
-    assert found.exact[0] == pytest.approx(tension + bending, rel=1e-12)
+    assert stress.exact[0] == pytest.approx(tension + bending, rel=1e-12)
     assert hub < r[0] < hub + 1e-6
     (flapwise,), _ = model.moments(blade, [6.0], r)
     assert flapwise == pytest.approx(rate * np.sin(cone) * arm * chord * height, rel=1e-9)
@@ -172,9 +172,9 @@ def test_loads_at_the_stations_from_their_definitions(blade, polar, cone):
     blade, flow_speed, depth = replace(blade, cone=cone), 1.7, 3.0
     model = model_of(polar)
     outline, q = Outline.from_file("naca63815"), 0.5 * WATER * flow_speed**2
-    found = model.loads(blade, RATIO)
+    result = model.loads(blade, RATIO)
     thrust = bem.rotor_coefficients(blade, polar, RATIO).thrust * np.pi * blade.rotor_radius**2
-    assert found["thrust"].largest == pytest.approx(thrust, rel=1e-14)
+    assert result["thrust"].largest == pytest.approx(thrust, rel=1e-14)
     state = bem.sections(blade, polar, RATIO)
     stations = np.argmax(place_weights(blade.r.size) == 1.0, axis=0)
     kx, ky, kxy = outline.second_moments
@@ -186,13 +186,13 @@ def test_loads_at_the_stations_from_their_definitions(blade, polar, cone):
     for i, ratio in enumerate(RATIO):
         speed = ratio * flow_speed / blade.rotor_radius
         n, t = (
-            q * np.cos(cone) ** 2 * np.concatenate(([0.0], each[i], [0.0]))
-            for each in (state.normal_load, state.tangential_load)
+            q * np.cos(cone) ** 2 * np.concatenate(([0.0], load[i], [0.0]))
+            for load in (state.normal_load, state.tangential_load)
         )
         line = METAL * speed**2 * outline.area * np.interp(along, blade.r, blade.chord) ** 2 * along
         pulled = np.cos(cone) * np.sin(cone) * np.trapezoid(line * (along - s[0]), along)
         root = np.trapezoid(n * (s - s[0]), s) + pulled
-        assert q * found["root_moment"].largest[i] == pytest.approx(root, rel=1e-9)
+        assert q * result["root_moment"].largest[i] == pytest.approx(root, rel=1e-9)
         for j, (r, chord, twist) in enumerate(zip(blade.r, blade.chord, blade.twist, strict=True)):
             arm = s[j + 1 :] - r
             flapwise, edgewise = (np.trapezoid(e[j + 1 :] * arm, s[j + 1 :]) for e in (n, t))
@@ -206,14 +206,14 @@ def test_loads_at_the_stations_from_their_definitions(blade, polar, cone):
             a, b = np.linalg.solve([[kxy, kx], [ky, kxy]], [-weak, strong]) / chord**3
             tension = np.cos(cone) ** 2 * np.trapezoid(line, fine[outside])
             expected = np.max(np.abs(a * x + b * y)) + tension / (outline.area * chord**2)
-            mine = q * found["stress"].exact[i, stations[j]]
+            mine = q * result["stress"].exact[i, stations[j]]
             assert mine == pytest.approx(expected, rel=3e-4)
             assert mine > expected * (1.0 - 3e-5)
         static = 101325.0 - 1705.0 + WATER * 9.80665 * (depth - blade.r * np.cos(cone))
         peak, _ = suction(state.angle_of_attack[i])
         relative = q * (np.cos(cone) * state.relative_speed[i]) ** 2
         expected = (1.1 * peak * relative / static).ravel()
-        assert q * found["cavitation"].exact[i] == pytest.approx(expected, rel=1e-13)
+        assert q * result["cavitation"].exact[i] == pytest.approx(expected, rel=1e-13)
 
 
 def test_loads_with_polars_at_the_local_reynolds_number(blade, polar):
@@ -230,8 +230,8 @@ def test_loads_with_polars_at_the_local_reynolds_number(blade, polar):
 
 
 def test_envelopes_are_never_below_the_largest(blade, polar):
-    found = model_of(polar).loads(blade, np.linspace(3.0, 12.0, 37))
-    for name, load in found.items():
+    result = model_of(polar).loads(blade, np.linspace(3.0, 12.0, 37))
+    for name, load in result.items():
         most = load.largest
         outline = 30.0 ** (1.0 / 400.0) if name == "stress" else 1.0  # its points, at most
         values, bound = load.envelope().values, load.r.size ** (1.0 / 400.0) * outline
@@ -254,8 +254,8 @@ def test_surfaces_under_pressure_do_not_cavitate(blade, polar):
     def pressed(angle):
         return np.full((2, *angle.shape), -0.3), np.ones((2, *angle.shape))
 
-    found = model_of(polar, pressed).loads(blade, RATIO, derivatives=True)["cavitation"].envelope()
-    assert not np.any(np.concatenate([each.ravel() for each in found]))
+    peak = model_of(polar, pressed).loads(blade, RATIO, derivatives=True)["cavitation"].envelope()
+    assert not np.any(np.concatenate([each.ravel() for each in peak]))
 
 
 # Derivatives
@@ -269,7 +269,7 @@ def stepped_loads(model, blade, points, **steps):
     """
     h = 1e-30j
     flow = bem.sections(blade, model.polar, points, True)
-    by_ratio, by_chord, by_twist = (flow.derivatives[:, place] for place in range(3))
+    by_ratio, by_chord, by_twist = (flow.derivatives[:, index] for index in range(3))
     chord, twist = (steps.get(name, np.zeros(blade.r.size)) for name in ("chord", "twist"))
     change = steps.get("ratio", 0.0) * by_ratio + chord * by_chord + twist * by_twist
     factor = 1.0
@@ -289,18 +289,18 @@ def stepped_loads(model, blade, points, **steps):
     radii = {name: factor * getattr(blade, name) for name in ("r", "hub_radius", "tip_radius")}
     changed = replace(blade, **radii, chord=blade.chord + h * chord, twist=blade.twist + h * twist)
     ratio = points + h * steps.get("ratio", 0.0)
-    found = {}
+    parts = {}
     for name in NAMES:
         load = loads._LOADS[name](model, changed, flow, ratio)._replace(slopes=None)
-        found[name] = load.values.imag / 1e-30, load.envelope().values.imag / 1e-30
-    return found
+        parts[name] = load.values.imag / 1e-30, load.envelope().values.imag / 1e-30
+    return parts
 
 
 def at_places(load):
     """Return the derivatives of a load's values at each place, (n, m) and (n, m, n_stations)."""
-    each = [load.slopes(np.tile(place, (len(load.values), 1))) for place in np.eye(load.r.size)]
+    slopes = [load.slopes(np.tile(unit, (len(load.values), 1))) for unit in np.eye(load.r.size)]
     names = "tip_speed_ratio", "chord", "twist", "thickness", "rotor_radius"
-    pairs = zip(names, zip(*each, strict=True), strict=True)
+    pairs = zip(names, zip(*slopes, strict=True), strict=True)
     return {name: np.stack(by, axis=1) for name, by in pairs}
 
 
@@ -311,13 +311,13 @@ def test_derivatives_are_those_of_the_complex_step(blade, polar, cone, hollow):
         wall = np.linspace(0.05, 0.01, blade.r.size)
         outlines = [Outline.from_file("naca63815")] * wall.size
         model = model_of(polar, structure=Structure.of(outlines, METAL, wall=wall))
-    found = model.loads(blade, RATIO, derivatives=True)
+    result = model.loads(blade, RATIO, derivatives=True)
     unit = np.eye(blade.r.size)
     steps = {"tip_speed_ratio": [{"ratio": 1.0}], "rotor_radius": [{"radius": 1.0}]}
     steps |= {name: [{name: each} for each in unit] for name in ("chord", "twist")}
-    for by, each in steps.items():
-        expected = [stepped_loads(model, blade, RATIO, **step) for step in each]
-        for name, load in found.items():
+    for by, changes in steps.items():
+        expected = [stepped_loads(model, blade, RATIO, **step) for step in changes]
+        for name, load in result.items():
             local, whole = (np.stack([e[name][k] for e in expected], axis=-1) for k in (0, 1))
             if by in ("tip_speed_ratio", "rotor_radius"):
                 local, whole = local[..., 0], whole[..., 0]
@@ -330,7 +330,7 @@ def test_derivatives_are_those_of_the_complex_step(blade, polar, cone, hollow):
 
 def test_derivatives_of_the_stress_by_the_weight(blade, polar):
     model, h, n = model_of(polar), 1e-6, blade.r.size
-    found, rng = model.weight_stress(blade).envelope(), np.random.default_rng(3)
+    envelope, rng = model.weight_stress(blade).envelope(), np.random.default_rng(3)
     chord, twist = 0.1 * rng.normal(size=n), rng.normal(size=n)
 
     def slope(changed):
@@ -338,11 +338,11 @@ def test_derivatives_of_the_stress_by_the_weight(blade, polar):
         return -np.subtract(*reversed(list(ends))) / (2.0 * h)
 
     by = slope(lambda step: blade.with_shape(blade.chord + step * chord, blade.twist))
-    assert found.by_chord @ chord == pytest.approx(by, rel=1e-6)
+    assert envelope.by_chord @ chord == pytest.approx(by, rel=1e-6)
     by = slope(lambda step: blade.with_shape(blade.chord, blade.twist + step * twist))
-    assert found.by_twist @ twist == pytest.approx(by, rel=1e-6)
+    assert envelope.by_twist @ twist == pytest.approx(by, rel=1e-6)
     by = slope(lambda step: blade.with_rotor_radius(blade.rotor_radius + step))
-    assert found.by_rotor_radius == pytest.approx(by, rel=1e-6)
+    assert envelope.by_rotor_radius == pytest.approx(by, rel=1e-6)
 
 
 def test_tables_are_torque_and_loads_with_exact_partials(blade, polar):
@@ -360,12 +360,12 @@ def test_tables_are_torque_and_loads_with_exact_partials(blade, polar):
     assert np.array_equal(problem["torque_coefficient_table"], torque)
     for name, load in rotor.loads(changed, RATIO).items():
         assert problem[f"{name}_table"] == pytest.approx(load.envelope().values, rel=1e-14)
-    found = problem.check_partials(out_stream=None, form="central", step=1e-6, step_calc="abs")
-    for (output, _), partial in found["table"].items():
+    partials = problem.check_partials(out_stream=None, form="central", step=1e-6, step_calc="abs")
+    for (output, _), partial in partials["table"].items():
         error = np.abs(partial["J_fwd"] - partial["J_fd"]).max()
         size = max(np.abs(partial["J_fd"]).max(), np.abs(problem[output]).max())
         assert error < 1e-6 * size, output
-    assert len({output for output, _ in found["table"]}) == 5
+    assert len({output for output, _ in partials["table"]}) == 5
 
 
 # Errors

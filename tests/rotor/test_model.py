@@ -61,8 +61,8 @@ def test_the_group_runs_alone_with_exact_partials(rotor, blade, family):
         "none": None,
     }[family]
     names = "torque_coefficient", "root_moment", "stress", "cavitation"
-    about = {"nodes": RATIOS, "shape": shape, "names": names}
-    problem = om.Problem(BladeGroup(rotor=rotor, blade=blade, **about), reports=False)
+    options = {"nodes": RATIOS, "shape": shape, "names": names}
+    problem = om.Problem(BladeGroup(rotor=rotor, blade=blade, **options), reports=False)
     blade = blade if shape is None else shape.nearest(blade)
     problem.setup()
     problem.run_model()

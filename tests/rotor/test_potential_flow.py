@@ -39,8 +39,8 @@ class KarmanTrefftz:
         z[0] = z[-1] = self.power
         nose = z[np.argmax(np.abs(z - z[0]))]
         self.chord = z[0] - nose  # complex: its angle turns the axes
-        place = (z - nose) / self.chord
-        self.outline = Outline(place.real, place.imag)
+        points = (z - nose) / self.chord
+        self.outline = Outline(points.real, points.imag)
 
     def circle(self, theta):
         return self.centre + self.radius * np.exp(1j * (theta - self.beta))
@@ -110,10 +110,10 @@ def test_fairing_keeps_the_outline(name, miss):
     for side in (slice(None, 161), slice(160, None)):
         order = np.argsort(x[side])
         nose = int(np.argmin(outline.x))
-        given = slice(None, nose) if side.start is None else slice(nose + 1, None)
-        inside = outline.x[given] > 0.01  # nearer to the nose the outline is upright
-        found = np.interp(outline.x[given], x[side][order], y[side][order])
-        assert np.max(np.abs(found - outline.y[given])[inside]) < miss
+        part = slice(None, nose) if side.start is None else slice(nose + 1, None)
+        inside = outline.x[part] > 0.01  # nearer to the nose the outline is upright
+        height = np.interp(outline.x[part], x[side][order], y[side][order])
+        assert np.max(np.abs(height - outline.y[part])[inside]) < miss
 
 
 # Other codes
@@ -158,10 +158,10 @@ def test_velocities_of_neuralfoil_agree_where_they_see_the_peak():
     neuralfoil, alpha = pytest.importorskip("neuralfoil"), np.array([0.0, 2.0, 14.0])
     for name, reynolds in (("naca4415", 1e6), ("naca63424", 3e6), ("naca63815", 1e6)):
         outline = Outline.from_file(name)
-        points, about = np.column_stack((outline.x, outline.y)), {"Re": reynolds, "n_crit": 9.0}
-        found = neuralfoil.get_aero_from_coordinates(points, alpha=alpha, **about)
-        speed = np.array([found[f"upper_bl_ue/vinf_{i}"] for i in range(32)])
-        seen = np.max(speed**2, axis=0) - 1.0
-        suction, _ = potential_suction(outline, np.deg2rad(alpha), found["CL"])
-        assert np.allclose(seen[:2], suction[:2], rtol=0.03)
-        assert seen[2] < 0.9 * suction[2]
+        points, options = np.column_stack((outline.x, outline.y)), {"Re": reynolds, "n_crit": 9.0}
+        output = neuralfoil.get_aero_from_coordinates(points, alpha=alpha, **options)
+        speed = np.array([output[f"upper_bl_ue/vinf_{i}"] for i in range(32)])
+        peak = np.max(speed**2, axis=0) - 1.0
+        suction, _ = potential_suction(outline, np.deg2rad(alpha), output["CL"])
+        assert np.allclose(peak[:2], suction[:2], rtol=0.03)
+        assert peak[2] < 0.9 * suction[2]

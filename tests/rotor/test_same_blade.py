@@ -125,8 +125,8 @@ class Source:
         polar = {prefix + key: {"grid": grid, "values": v.tolist()} for key, v in tables.items()}
         polar["re"] = REYNOLDS
         polars = {"configuration": "clean"} | (polar if version == 1 else {"re_sets": [polar]})
-        about = {"name": name, "aerodynamic_center": 0.25, thick: thickness}
-        return about | {"coordinates": coordinates, "polars": [polars]}
+        entry = {"name": name, "aerodynamic_center": 0.25, thick: thickness}
+        return entry | {"coordinates": coordinates, "polars": [polars]}
 
     def polar_of(self, name):
         alpha, lift, drag = self.polars[name]
@@ -161,7 +161,7 @@ def read(source, tmp_path_factory):
     source.windio(folder / "version2.yaml", 2)
     table = read_blade(folder / "blade.dat")  # from the root
     table = replace(table, r=table.r + HUB, tip_radius=table.tip_radius + HUB)
-    found = {
+    rotors = {
         "csv": rotor(read_blade(folder / "blade.csv").scaled(TIP), source.polar_of),
         "aerodyn": rotor(table, lambda n: source.polar_of(source.names[int(n) - 1])),
     }
@@ -172,10 +172,10 @@ def read(source, tmp_path_factory):
         held = {section.name: section for section in table.sections}
         thickness = {name: each.thickness for name, each in held.items()}
         assert thickness == {name: each for name, (each, _) in source.sections.items()}
-        found[f"windIO {version}"] = rotor(
+        rotors[f"windIO {version}"] = rotor(
             table, lambda name, held=held: Polar.from_polar_table(held[name].polars[0])
         )
-    return found, folder
+    return rotors, folder
 
 
 def power(blade, polars):

@@ -57,8 +57,8 @@ def test_a_fixed_blade_is_scaled_with_its_radius_and_keeps_its_power(blade, pola
     assert large.rotor_radius == pytest.approx(1.7, rel=1e-15)
     assert large.hub_radius / large.tip_radius == pytest.approx(0.125, rel=1e-14)
     ratio = np.linspace(3.0, 10.0, 9)
-    scaled, own = (bem.rotor_coefficients(each, polar, ratio).power for each in (large, blade))
-    np.testing.assert_allclose(scaled, own, rtol=1e-11)
+    scaled, power = (bem.rotor_coefficients(each, polar, ratio).power for each in (large, blade))
+    np.testing.assert_allclose(scaled, power, rtol=1e-11)
 
 
 def thick(blade):
@@ -86,11 +86,11 @@ def test_thickness_begins_within_its_bounds(blade):
 def test_component_is_the_shape_with_exact_partials(blade, make):
     shape = make(blade)
     control = {name: 1.1 * values + 0.01 for name, values in shape.control(shape.blade).items()}
-    given = {f"{name}_control": values for name, values in control.items()}
+    inputs = {f"{name}_control": values for name, values in control.items()}
     radius = blade.rotor_radius
     if not shape.designs_chord:
-        given["rotor_radius"] = radius = 1.2 * radius
-    problem = checked(ShapeComp(shape=shape), 1e-12, 1e-12, **given)
+        inputs["rotor_radius"] = radius = 1.2 * radius
+    problem = checked(ShapeComp(shape=shape), 1e-12, 1e-12, **inputs)
     made = shape.at(control, radius)
     np.testing.assert_allclose(problem.get_val("chord"), made.chord, rtol=1e-14)
     np.testing.assert_allclose(problem.get_val("twist"), made.twist, rtol=1e-14)

@@ -20,8 +20,8 @@ def test_without_drag_and_losses_the_best_angles_are_glauerts(ideal_polar):
     r = np.linspace(0.3, 0.9, 7)
     start = Blade(r, np.full(7, 1e-3), np.zeros(7), 0.1, 1.0, 3000)
     bounds = {"chord": (1e-6, 1e-3), "twist": (-0.3, 0.9)}
-    found = best_blade(start, ideal_polar, 5.0, bounds)
-    phi = bem.sections(found.blade, ideal_polar, 5.0).inflow_angle[0]
+    optimum = best_blade(start, ideal_polar, 5.0, bounds)
+    phi = bem.sections(optimum.blade, ideal_polar, 5.0).inflow_angle[0]
     assert np.allclose(phi, 2.0 / 3.0 * np.arctan(1.0 / (5.0 * r)), atol=2e-4)  # a flat optimum
 
 
@@ -30,8 +30,8 @@ def test_no_tip_speed_ratio_is_better(twists, blade, polar):
     """With few twists to choose from, the power has several peaks over the tip speed ratio."""
     best = best_rotor(blade, polar, BOUNDS | {"twist": twists})
     for ratio in np.linspace(4.0, 9.0, 11):
-        found = best_blade(blade, polar, ratio, BOUNDS | {"twist": twists})
-        assert found.power_coefficient <= best.power_coefficient + 1e-9
+        optimum = best_blade(blade, polar, ratio, BOUNDS | {"twist": twists})
+        assert optimum.power_coefficient <= best.power_coefficient + 1e-9
 
 
 def test_a_cylindrical_root_does_not_stop_the_search(blade, polar):
@@ -44,9 +44,9 @@ def test_a_cylindrical_root_does_not_stop_the_search(blade, polar):
 
 
 def test_one_blade_works_best_at_the_peak_of_its_curve(blade, polar):
-    found = best_operation(blade, polar)
+    optimum = best_operation(blade, polar)
     sweep = bem.rotor_coefficients(blade, polar, np.linspace(4.0, 12.0, 801)).power
-    assert found.power_coefficient >= sweep.max() - 1e-9
+    assert optimum.power_coefficient >= sweep.max() - 1e-9
 
 
 def test_a_station_stays_at_a_bound_only_where_it_would_go_beyond():

@@ -58,9 +58,9 @@ def test_hollow_ellipse(height):
     shapes = [Outline(*each) for each in ((x, y), inner)]
     area = shapes[0].area - shapes[1].area
     moments = np.subtract(shapes[0].second_moments, shapes[1].second_moments)
-    found = Structure.of(ellipse(height), 1000.0, wall=wall)
-    assert found.area[0] == pytest.approx(area, rel=1e-3)
-    assert [found.xx[0], found.yy[0]] == pytest.approx(moments[:2], rel=2e-3)
+    structure = Structure.of(ellipse(height), 1000.0, wall=wall)
+    assert structure.area[0] == pytest.approx(area, rel=1e-3)
+    assert [structure.xx[0], structure.yy[0]] == pytest.approx(moments[:2], rel=2e-3)
 
 
 def test_thin_wall_tends_to_the_integral_along_the_outline(naca):
@@ -70,20 +70,20 @@ def test_thin_wall_tends_to_the_integral_along_the_outline(naca):
     length = np.hypot(run, rise)
     x, y = 0.5 * (naca.x[1:] + naca.x[:-1]), 0.5 * (naca.y[1:] + naca.y[:-1])
     x, y = x - np.average(x, weights=length), y - np.average(y, weights=length)
-    found = Structure.of(naca, 1000.0, wall=wall)
-    assert found.area[0] == pytest.approx(wall * np.sum(length), rel=0.02)
-    assert found.xx[0] == pytest.approx(wall * np.sum(length * y**2), rel=0.02)
-    assert found.yy[0] == pytest.approx(wall * np.sum(length * x**2), rel=0.02)
-    small = 0.01 * np.sqrt(found.xx[0] * found.yy[0])  # both sides' products nearly cancel
-    assert found.xy[0] == pytest.approx(wall * np.sum(length * x * y), abs=small)
+    structure = Structure.of(naca, 1000.0, wall=wall)
+    assert structure.area[0] == pytest.approx(wall * np.sum(length), rel=0.02)
+    assert structure.xx[0] == pytest.approx(wall * np.sum(length * y**2), rel=0.02)
+    assert structure.yy[0] == pytest.approx(wall * np.sum(length * x**2), rel=0.02)
+    small = 0.01 * np.sqrt(structure.xx[0] * structure.yy[0])  # both sides' products nearly cancel
+    assert structure.xy[0] == pytest.approx(wall * np.sum(length * x * y), abs=small)
 
 
 def test_default_section_has_its_published_proportions(naca):
     """NACA 63-815: area, second moments and extents from the centroid, computed elsewhere."""
-    found = Structure.of(naca, 2700.0)
-    numbers = [found.area[0], found.xx[0], found.yy[0], abs(found.xy[0])]
+    structure = Structure.of(naca, 2700.0)
+    numbers = [structure.area[0], structure.xx[0], structure.yy[0], abs(structure.xy[0])]
     assert numbers == pytest.approx([0.0940, 1.250e-4, 4.42e-3, 8.2e-5], rel=1e-3)
-    assert np.max(np.abs(found.points[0]), axis=1) == pytest.approx([0.594, 0.0800], rel=1e-3)
+    assert np.max(np.abs(structure.points[0]), axis=1) == pytest.approx([0.594, 0.0800], rel=1e-3)
 
 
 # The points that are kept, and the norm
@@ -111,23 +111,23 @@ def test_norm_is_smooth_and_never_below_the_largest(exponent):
     assert np.all(smooth >= most)
     assert np.all(smooth <= most * 7.0 ** (1.0 / exponent) * (1.0 + 1e-15))
     assert norm(1e30 * values, exponent)[0] == pytest.approx(1e30 * smooth, rel=1e-12)
-    for place in range(7):
+    for column in range(7):
         stepped = values.astype(complex)
-        stepped[:, place] += 1e-30j
+        stepped[:, column] += 1e-30j
         slope = norm(stepped, exponent)[0].imag / 1e-30
-        assert share[:, place] == pytest.approx(slope, rel=1e-10, abs=1e-14)
+        assert share[:, column] == pytest.approx(slope, rel=1e-10, abs=1e-14)
 
 
 def test_slopes_of_bending_are_those_of_the_complex_step(naca):
     structure = Structure.of(naca, 1000.0)
     rng = np.random.default_rng(2)
     weak, strong, chord = rng.normal(size=(5, 3)), 9.0 * rng.normal(size=(5, 3)), np.full(3, CHORD)
-    found = structure.bending(weak, strong, chord)
+    bending = structure.bending(weak, strong, chord)
     by_weak = structure.bending(weak + 1e-30j, strong, chord).smooth.imag / 1e-30
     by_strong = structure.bending(weak, strong + 1e-30j, chord).smooth.imag / 1e-30
-    assert found.by_weak == pytest.approx(by_weak, rel=1e-10)
-    assert found.by_strong == pytest.approx(by_strong, rel=1e-10)
-    assert np.all(found.smooth >= found.largest)
+    assert bending.by_weak == pytest.approx(by_weak, rel=1e-10)
+    assert bending.by_strong == pytest.approx(by_strong, rel=1e-10)
+    assert np.all(bending.smooth >= bending.largest)
 
 
 # Along the span
@@ -148,21 +148,21 @@ def test_places_hold_the_stations_and_values_are_linear_between(n):
 def test_stretched_sections_along_the_span_have_powers_of_the_thickness(naca):
     """Between stations, too: area goes with thickness, xx with its cube, xy with its square."""
     thickness = np.array([2.0, 1.0, 1.0, 0.8])
-    found = Structure.of([naca.stretched(each) for each in thickness], 1000.0)
+    structure = Structure.of([naca.stretched(each) for each in thickness], 1000.0)
     share = place_weights(4) @ thickness
     one = Structure.of(naca, 1000.0)
-    assert found.area == pytest.approx(one.area[0] * share, rel=1e-4)
-    assert found.xx == pytest.approx(one.xx[0] * share**3, rel=3e-4)
-    assert found.yy == pytest.approx(one.yy[0] * share, rel=1e-4)
-    assert found.xy == pytest.approx(one.xy[0] * share**2, rel=3e-4)
-    reach = np.max(np.abs(found.points[:, 1]), axis=1)
+    assert structure.area == pytest.approx(one.area[0] * share, rel=1e-4)
+    assert structure.xx == pytest.approx(one.xx[0] * share**3, rel=3e-4)
+    assert structure.yy == pytest.approx(one.yy[0] * share, rel=1e-4)
+    assert structure.xy == pytest.approx(one.xy[0] * share**2, rel=3e-4)
+    reach = np.max(np.abs(structure.points[:, 1]), axis=1)
     assert reach == pytest.approx(share * np.max(np.abs(one.points[0, 1])), rel=3e-4)
 
 
 def test_given_second_moments_stand_in_for_those_of_the_outline(naca):
-    given = [(0.05, 2e-4, 5e-3, 0.0), (0.05, 1e-4, 5e-3, 0.0)]
-    found = Structure.of([naca, naca], 1000.0, given=given)
-    assert found.xx == pytest.approx(np.linspace(2e-4, 1e-4, found.xx.size))
+    moments = [(0.05, 2e-4, 5e-3, 0.0), (0.05, 1e-4, 5e-3, 0.0)]
+    structure = Structure.of([naca, naca], 1000.0, given=moments)
+    assert structure.xx == pytest.approx(np.linspace(2e-4, 1e-4, structure.xx.size))
     for name, number in (("area", 0.05), ("yy", 5e-3), ("xy", 0.0)):
-        assert getattr(found, name) == pytest.approx(number, rel=1e-14)
-    np.testing.assert_array_equal(found.points[0], Structure.of(naca, 1000.0).points[0])
+        assert getattr(structure, name) == pytest.approx(number, rel=1e-14)
+    np.testing.assert_array_equal(structure.points[0], Structure.of(naca, 1000.0).points[0])

@@ -61,22 +61,22 @@ def test_slopes_are_those_of_the_values_at_angles_of_any_shape(polar):
 def test_rows_are_interpolated_exactly(name):
     rows = shipped_table(name, "polar")
     near = np.abs(rows["alpha_deg"]) <= 90.0
-    (found,) = PolarFamily.from_file(name).polars
-    suction, _ = found.suction_at(np.deg2rad(rows["alpha_deg"][near]))
+    (member,) = PolarFamily.from_file(name).polars
+    suction, _ = member.suction_at(np.deg2rad(rows["alpha_deg"][near]))
     assert np.allclose(suction, -np.stack([rows[each][near] for each in SURFACES]), atol=1e-11)
 
 
 @pytest.mark.parametrize("name", POLAR_FAMILIES)
 def test_beyond_the_table_the_curves_come_to_rest(name):
     """Within two degrees' worth of the last slope, then constant to 100 degrees."""
-    for each in PolarFamily.from_file(name).polars:
-        for edge, way in ((each.alpha_min, -1.0), (each.alpha_max, 1.0)):
-            value, slope = each.suction_at(edge)
-            beyond = each.suction_at(edge + way * np.deg2rad(np.linspace(0.0, 70.0, 281)))[0]
+    for member in PolarFamily.from_file(name).polars:
+        for edge, way in ((member.alpha_min, -1.0), (member.alpha_max, 1.0)):
+            value, slope = member.suction_at(edge)
+            beyond = member.suction_at(edge + way * np.deg2rad(np.linspace(0.0, 70.0, 281)))[0]
             room = np.deg2rad(2.5) * np.abs(slope) + 0.05
             assert np.all(np.abs(beyond.T - value) <= room)
             assert np.allclose(beyond[:, -40:], beyond[:, -1:], atol=0.01)
-        assert np.min(each.suction_at(np.linspace(-np.pi, np.pi, 2001))[0]) > -1.01
+        assert np.min(member.suction_at(np.linspace(-np.pi, np.pi, 2001))[0]) > -1.01
 
 
 # One column for both surfaces
@@ -104,11 +104,11 @@ def test_split_polar_has_the_kink_between_the_curves_alone(shift):
     between the rows neither curve leaves the larger of the true ones by more than the kink's gap.
     """
     both = np.maximum(upper(ALPHA + shift), lower(ALPHA + shift))
-    found = Polar.from_polar_table(table({"cpmin": -both}))
-    assert np.allclose(found.suction_at(np.deg2rad(ALPHA))[0].max(axis=0), both, atol=1e-12)
+    split = Polar.from_polar_table(table({"cpmin": -both}))
+    assert np.allclose(split.suction_at(np.deg2rad(ALPHA))[0].max(axis=0), both, atol=1e-12)
     fine = np.linspace(ALPHA[0], ALPHA[-1], 2001)
     true = np.maximum(upper(fine + shift), lower(fine + shift))
-    assert np.max(np.abs(found.suction_at(np.deg2rad(fine))[0].max(axis=0) - true)) < 0.03
+    assert np.max(np.abs(split.suction_at(np.deg2rad(fine))[0].max(axis=0) - true)) < 0.03
 
 
 def test_without_a_kink_both_surfaces_have_the_suction():
@@ -139,8 +139,8 @@ def test_along_a_blade_every_station_has_its_own_polar():
         suction, by_angle, _ = polar.along("suction", blade, [5.0], angle)
         assert suction.shape == by_angle.shape == (2, 4, 3)
         for station in range(3):
-            ((own,),) = polar.at_station(station).tables
-            expected = own.suction_at(angle[:, station])
+            ((member,),) = polar.at_station(station).tables
+            expected = member.suction_at(angle[:, station])
             assert np.array_equal((suction[..., station], by_angle[..., station]), expected)
     complex_step = several.along("suction", blade, [5.0], angle + 1e-30j)[0].imag / 1e-30
     assert np.allclose(by_angle, complex_step, rtol=1e-12, atol=1e-12)
@@ -148,8 +148,8 @@ def test_along_a_blade_every_station_has_its_own_polar():
 
 def test_polar_without_suction_is_refused_with_the_remedy():
     without = Polar.from_polar_table(table({}))
-    known = PolarFamily.from_file("naca63815")
-    for polar in (without, ByStation.of((known.polars[0], without, known.polars[0]))):
+    family = PolarFamily.from_file("naca63815")
+    for polar in (without, ByStation.of((family.polars[0], without, family.polars[0]))):
         with pytest.raises(InputError, match=r"rotor\.polar .*cpmin_upper.*hkt polar"):
             polar.along("suction", None, None, np.zeros((2, 3)))
     with pytest.raises(InputError, match="cpmin"):

@@ -70,16 +70,16 @@ def test_a_curve_over_the_thickness_meets_its_sections_and_is_linear_where_they_
     np.testing.assert_allclose(second[0], second[1], rtol=1e-6)
 
 
-@pytest.mark.parametrize("place", [0, 1, 2])
-def test_at_a_sections_thickness_the_rotor_is_that_of_the_section(thick, family, sections, place):
-    same = replace(thick, thickness=np.full(thick.r.size, THICKNESS[place]))
-    found = bem.rotor_coefficients(same, family, RATIO, derivatives=True)
-    single = bem.rotor_coefficients(same, sections[place], RATIO, derivatives=True)
-    parts = (each.torque_table._replace(by_thickness=0.0) for each in (found, single))
+@pytest.mark.parametrize("index", [0, 1, 2])
+def test_at_a_sections_thickness_the_rotor_is_that_of_the_section(thick, family, sections, index):
+    same = replace(thick, thickness=np.full(thick.r.size, THICKNESS[index]))
+    coefficients = bem.rotor_coefficients(same, family, RATIO, derivatives=True)
+    single = bem.rotor_coefficients(same, sections[index], RATIO, derivatives=True)
+    parts = (each.torque_table._replace(by_thickness=0.0) for each in (coefficients, single))
     for mine, its in zip(*parts, strict=True):
         np.testing.assert_allclose(mine, its, rtol=1e-9, atol=1e-12)
     angle = np.deg2rad(np.linspace(-5.0, 12.0, 6 * thick.r.size)).reshape(6, -1)
-    mine, its = (each.along("suction", same, RATIO, angle) for each in (family, sections[place]))
+    mine, its = (each.along("suction", same, RATIO, angle) for each in (family, sections[index]))
     np.testing.assert_allclose(mine[0], its[0], rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(mine[1], its[1], rtol=1e-10, atol=1e-10)
 
@@ -89,21 +89,21 @@ def test_ellipses_have_their_closed_forms_between_the_sections():
     angle = np.linspace(0.0, 2.0 * np.pi, 1001)
     ellipses = [Outline(0.5 + 0.5 * np.cos(angle), 0.5 * t * np.sin(angle)) for t in THICKNESS]
     at = np.array([0.13, 0.18, 0.2, 0.24])
-    found, rate = StructureByThickness.of(THICKNESS, ellipses, METAL).at(at)
-    np.testing.assert_allclose(found.area, np.pi / 4.0 * at, rtol=3e-4)
-    np.testing.assert_allclose(found.xx, np.pi / 64.0 * at**3, rtol=6e-4)
-    np.testing.assert_allclose(found.yy, np.pi / 64.0 * at, rtol=6e-4)
+    structure, rate = StructureByThickness.of(THICKNESS, ellipses, METAL).at(at)
+    np.testing.assert_allclose(structure.area, np.pi / 4.0 * at, rtol=3e-4)
+    np.testing.assert_allclose(structure.xx, np.pi / 64.0 * at**3, rtol=6e-4)
+    np.testing.assert_allclose(structure.yy, np.pi / 64.0 * at, rtol=6e-4)
     np.testing.assert_allclose(rate.xx, 3.0 * np.pi / 64.0 * at**2, rtol=6e-4)
 
 
 @pytest.mark.parametrize("wall", [None, 0.02])
 def test_the_stress_at_a_sections_thickness_is_that_of_the_section(thick, family, wall):
     same = replace(thick, thickness=np.full(thick.r.size, THICKNESS[1]))
-    found = model_of(family, wall).loads(same, RATIO, names=("stress",))
+    loads = model_of(family, wall).loads(same, RATIO, names=("stress",))
     single = Structure.of(outlines()[1], METAL, wall=wall)
     model = LoadModel(ByStation(family.stations(same)), structure=single)
     expected = model.loads(same, RATIO, names=("stress",))["stress"]
-    np.testing.assert_allclose(found["stress"].exact, expected.exact, rtol=2e-3)
+    np.testing.assert_allclose(loads["stress"].exact, expected.exact, rtol=2e-3)
 
 
 def test_sections_that_differ_too_much_are_refused():
@@ -119,7 +119,7 @@ def test_sections_that_differ_too_much_are_refused():
 @pytest.mark.parametrize("cone", [0.0, 0.12])
 def test_derivatives_of_sections_by_thickness(thick, family, cone):
     thick = replace(thick, cone=cone)
-    found = bem.sections(thick, family, RATIO, derivatives=True)
+    state = bem.sections(thick, family, RATIO, derivatives=True)
 
     def at(step):
         moved = bem.sections(replace(thick, thickness=thick.thickness + step), family, RATIO)
@@ -128,7 +128,7 @@ def test_derivatives_of_sections_by_thickness(thick, family, cone):
 
     expected = slope(at)
     scale = np.abs(expected).max(axis=(1, 2), keepdims=True)
-    np.testing.assert_allclose(found.derivatives[:, 3] / scale, expected / scale, atol=1e-7)
+    np.testing.assert_allclose(state.derivatives[:, 3] / scale, expected / scale, atol=1e-7)
     torque = bem.rotor_coefficients(thick, family, RATIO, derivatives=True)
     for station in (0, 4, 8):
         one = np.eye(thick.r.size)[station]
@@ -146,15 +146,15 @@ def test_derivatives_of_loads_by_thickness(thick, family, cone, wall):
     thick = replace(thick, cone=cone)
     model, n = model_of(family, wall), thick.r.size
     changes = np.vstack((np.eye(n)[[0, 3, 8]], np.random.default_rng(2).normal(size=n)))
-    found = model.loads(thick, RATIO, derivatives=True)
-    assert set(found) == {"thrust", "root_moment", "stress", "cavitation"}
+    loads = model.loads(thick, RATIO, derivatives=True)
+    assert set(loads) == {"thrust", "root_moment", "stress", "cavitation"}
     for change in changes:
 
         def at(step, name, change=change):
             moved = replace(thick, thickness=thick.thickness + step * change)
             return model.loads(moved, RATIO)[name].envelope().values
 
-        for name, load in found.items():
+        for name, load in loads.items():
             expected = slope(lambda step, name=name: at(step, name), 1e-5)
             mine = load.envelope().by_thickness @ change
             size = np.abs(load.envelope().values)
