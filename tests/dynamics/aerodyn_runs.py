@@ -101,12 +101,12 @@ def design_of(name):
 def write_inputs(run, folder):
     """Write AeroDyn's inputs of a run."""
     export(solution(run.blade), ["openfast"], folder)
-    place = folder / "openfast"
+    inputs = folder / "openfast"
     mode, tau1 = (2, 1.0) if run.tau1 is None else (3, run.tau1)
-    _edit(place / "aerodyn.dat", DBEMT_Mod=mode, tau1_const=tau1, CavitCheck="False")
+    _edit(inputs / "aerodyn.dat", DBEMT_Mod=mode, tau1_const=tau1, CavitCheck="False")
     times, _ = run.corners
     speed, flow = run.speeds(times, design_of(run.blade).blade.rotor_radius)
-    driver = place / "aerodyn_driver.dvr"
+    driver = inputs / "aerodyn_driver.dvr"
     cases = (DATA / "cases.dat").read_text()
     text = re.sub(r"(?m)^----- Cases.*?(?=^----- Output)", cases, driver.read_text(), flags=re.S)
     driver.write_text(text)
@@ -116,16 +116,16 @@ def write_inputs(run, folder):
         rpm = speed * 30.0 / np.pi
         rows = [f"{t!r} {v!r} 0 {n!r} 0 0" for t, v, n in _rows(times, flow, rpm)]
         names = "Time HWndSpeed PLExp RotSpd Pitch Yaw"
-        (place / "speed.dat").write_text("\n".join([names, *rows, ""]))
+        (inputs / "speed.dat").write_text("\n".join([names, *rows, ""]))
     else:
         rpm = float(speed[0] * 30.0 / np.pi)
         changes |= {"AnalysisType": 1, "CompInflow": 1, "InflowFile": '"inflow.dat"'}
         changes["RotSpeed(1)"] = rpm
-        shutil.copy(DATA / "inflow.dat", place)
+        shutil.copy(DATA / "inflow.dat", inputs)
         rows = [f"{t!r} {v!r} 0 0 0 0 0 0 0" for t, v, _ in _rows(times, flow, speed)]
-        (place / "flow.dat").write_text("\n".join(["! Time flow", *rows, ""]))
+        (inputs / "flow.dat").write_text("\n".join(["! Time flow", *rows, ""]))
     _edit(driver, **changes)
-    return place
+    return inputs
 
 
 def _rows(*columns):
@@ -137,19 +137,19 @@ def _edit(path, **changes):
     text = path.read_text()
     for key, value in changes.items():
         pattern = rf"(?m)^\S+(\s+{re.escape(key)}\s)"
-        text, count = re.subn(pattern, lambda found, v=value: f"{v}{found[1]}", text)
+        text, count = re.subn(pattern, lambda match, v=value: f"{v}{match[1]}", text)
         if count != 1:
             raise ValueError(f"{path.name} has {key} {count} times")
     path.write_text(text)
 
 
-def driven(program, place):
+def driven(program, folder):
     """Run AeroDyn's driver in the folder of its inputs; return its columns by their names."""
     command = [program, "aerodyn_driver.dvr"]
-    done = subprocess.run(command, cwd=place, capture_output=True, text=True, timeout=3600)
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=3600)
     if done.returncode:
         raise RuntimeError(done.stdout[-2000:] + done.stderr)
-    (path,) = place.glob("aerodyn_driver*.out")
+    (path,) = folder.glob("aerodyn_driver*.out")
     lines = path.read_text().splitlines()
     head = next(i for i, line in enumerate(lines) if line.split()[:1] == ["Time"])
     return dict(zip(lines[head].split(), np.loadtxt(lines[head + 2 :]).T, strict=True))

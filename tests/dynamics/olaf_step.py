@@ -28,12 +28,12 @@ COLUMNS = "time_s,torque_N_m,held_torque_N_m"
 
 def olaf(run, program, folder):
     """Run OLAF; return time (s) and torque (N m)."""
-    place = aerodyn_runs.write_inputs(run, folder)
+    input_folder = aerodyn_runs.write_inputs(run, folder)
     changes = {"Wake_Mod": 3, "OLAFInputFileName": '"olaf.dat"'}
-    aerodyn_runs._edit(place / "aerodyn.dat", **changes)
+    aerodyn_runs._edit(input_folder / "aerodyn.dat", **changes)
     inputs = (DATA / "olaf.dat").read_text()
-    (place / "olaf.dat").write_text(inputs.format(STEP=STEP, NEAR=NEAR, FAR=FAR, CORE=CORE))
-    of = aerodyn_runs.driven(program, place)
+    (input_folder / "olaf.dat").write_text(inputs.format(STEP=STEP, NEAR=NEAR, FAR=FAR, CORE=CORE))
+    of = aerodyn_runs.driven(program, input_folder)
     return of["Time"], of["RtFldMxh"]
 
 
@@ -42,8 +42,8 @@ def oye(tau1, time):
     plant, (times, _) = plant_of(RUN).with_memory(tau1), RUN.corners
     speeds, flows = RUN.speeds(times, plant.blade.rotor_radius)
     flow = RampedInflow(times=tuple(times), speeds=tuple(flows))
-    about = Driven(times, speeds), speeds[0], time
-    return simulate(plant, flow, *about, max_step=0.5).hydrodynamic_torque
+    motion = Driven(times, speeds), speeds[0], time
+    return simulate(plant, flow, *motion, max_step=0.5).hydrodynamic_torque
 
 
 def table(kept):
@@ -52,20 +52,20 @@ def table(kept):
     OLAF's wake is still growing: its torque is compared with that of a run without the step.
     """
     every, at = np.arange(0.0, RUN.duration + 1e-9, STEP), HOLD + np.array(TIMES)
-    found = [oye(tau1, every) for tau1 in (1.0, None)]
-    found = [np.interp(at, every, each) - np.interp(HOLD, every, each) for each in found]
+    torques = [oye(tau1, every) for tau1 in (1.0, None)]
+    torques = [np.interp(at, every, each) - np.interp(HOLD, every, each) for each in torques]
     time, stepped, held = kept.T
-    return np.column_stack((TIMES, *found, np.interp(at, time, stepped - held)))
+    return np.column_stack((TIMES, *torques, np.interp(at, time, stepped - held)))
 
 
 if __name__ == "__main__":
     if "--kept" not in sys.argv:
-        found = []
+        torques = []
         for run in (RUN, HELD):
             with tempfile.TemporaryDirectory() as folder:
                 time, torque = olaf(run, shutil.which("aerodyn_driver"), Path(folder))
-            found.append(torque)
-        rows = np.column_stack((time, *found))[time >= HOLD - 1e-9]
+            torques.append(torque)
+        rows = np.column_stack((time, *torques))[time >= HOLD - 1e-9]
         lines = [",".join(f"{x:.8g}" for x in row) for row in rows]
         KEPT.write_text("\n".join([COLUMNS, *lines, ""]))
     for row in table(np.loadtxt(KEPT, delimiter=",", skiprows=1)):

@@ -29,13 +29,13 @@ def test_estimate_is_the_flow_that_has_the_torque(plant):
 def test_dense_water_looks_like_a_fast_flow(blade, polar):
     """A torque that does not depend on the speed grows with rho v²: v is told sqrt(f) too large."""
 
-    known = Plant(blade, polar, 4.0, 1000.0, constant_torque_coefficient(0.05))
-    dense, speed, flow = replace(known, density=1100.0), np.array([8.0]), np.array([1.5])
+    model = Plant(blade, polar, 4.0, 1000.0, constant_torque_coefficient(0.05))
+    dense, speed, flow = replace(model, density=1100.0), np.array([8.0]), np.array([1.5])
     torque = dense.torque(speed, flow)
-    assert FlowEstimate(known)(speed, torque, 0.0) == pytest.approx(np.sqrt(1.1) * 1.5, rel=1e-6)
+    assert FlowEstimate(model)(speed, torque, 0.0) == pytest.approx(np.sqrt(1.1) * 1.5, rel=1e-6)
     # where 10 % of the inertia are missing, so are 10 % of what accelerates the rotor
-    found = FlowEstimate(replace(known, inertia=3.6))(speed, 0.0 * torque, torque / 4.0)
-    assert found == pytest.approx(np.sqrt(1.1 * 0.9) * 1.5, rel=1e-6)
+    estimate = FlowEstimate(replace(model, inertia=3.6))(speed, 0.0 * torque, torque / 4.0)
+    assert estimate == pytest.approx(np.sqrt(1.1 * 0.9) * 1.5, rel=1e-6)
 
 
 def test_motion_is_that_with_an_exact_sensor_and_settles_where_the_estimate_says(plant):
@@ -45,17 +45,17 @@ def test_motion_is_that_with_an_exact_sensor_and_settles_where_the_estimate_says
     states = [float(plant.torque(np.array([1.5 * unit]), np.array([1.5]))[0]), 1.5]
     start = [1.5 * unit, *states], np.linspace(0.0, 20.0, 401), 0.2
     sensed, estimated = (
-        simulate(plant, SineInflow(), FeedbackTorque(LAW, gains, each), *start)
-        for each in (None, estimate)
+        simulate(plant, SineInflow(), FeedbackTorque(LAW, gains, sensor), *start)
+        for sensor in (None, estimate)
     )
     np.testing.assert_allclose(estimated.rotor_speed, sensed.rotor_speed, rtol=1e-5)
     dense, flow = replace(plant, density=1100.0), ConstantInflow(speed=1.5)
     run = simulate(dense, flow, FeedbackTorque(LAW, gains, estimate), *start)
-    told = run.states[1, -1]
-    assert run.rotor_speed[-1] == pytest.approx(unit * told, rel=1e-6)
+    inflow = run.states[1, -1]
+    assert run.rotor_speed[-1] == pytest.approx(unit * inflow, rel=1e-6)
     torque = dense.torque(run.rotor_speed[-1:], np.array([1.5]))
-    assert plant.torque(run.rotor_speed[-1:], np.array([told])) == pytest.approx(torque, rel=1e-5)
-    assert 1.01 < told / 1.5 < np.sqrt(1.1)
+    assert plant.torque(run.rotor_speed[-1:], np.array([inflow])) == pytest.approx(torque, rel=1e-5)
+    assert 1.01 < inflow / 1.5 < np.sqrt(1.1)
 
 
 def test_an_estimate_from_polars_at_the_local_reynolds_number_is_refused(plant):

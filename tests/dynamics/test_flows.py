@@ -93,11 +93,11 @@ def test_a_flow_of_ones_own_needs_speed_at_alone():
         def speed_at(self, time):
             return 1.0 + 0.01 * np.asarray(time) ** 2
 
-    own = Own(profile="own")
-    assert (own.length, own.highest_frequency, own.messages) == (None, None, ())
-    assert own.mean_speed == 1.0
-    np.testing.assert_allclose(own.rate_at(TIME), 0.02 * TIME, rtol=1e-14)
-    own.check(40.0)
+    inflow = Own(profile="own")
+    assert (inflow.length, inflow.highest_frequency, inflow.messages) == (None, None, ())
+    assert inflow.mean_speed == 1.0
+    np.testing.assert_allclose(inflow.rate_at(TIME), 0.02 * TIME, rtol=1e-14)
+    inflow.check(40.0)
 
 
 # Formulas -----------------------------------------------------------------------------------------
@@ -123,8 +123,8 @@ def test_step_does_not_overflow_far_from_the_step():
 
 def test_mexican_hat_is_the_extreme_operating_gust():
     time = np.linspace(20.0, 30.5, 201)
-    place = (time - 20.0) / 10.5
-    expected = 1.5 - 0.37 * 0.4 * np.sin(3 * np.pi * place) * (1 - np.cos(2 * np.pi * place))
+    phase = (time - 20.0) / 10.5
+    expected = 1.5 - 0.37 * 0.4 * np.sin(3 * np.pi * phase) * (1 - np.cos(2 * np.pi * phase))
     np.testing.assert_allclose(HAT.speed_at(time), expected, rtol=1e-14)
     fine = HAT.speed_at(np.linspace(20.0, 30.5, 100_001))
     assert np.max(fine) - 1.5 == pytest.approx(0.74 * 0.4, rel=1e-9)
@@ -188,8 +188,8 @@ def test_a_later_part_adds_its_fluctuation_alone(part, mean):
 def test_a_flow_that_turns_back_is_refused():
     tide = section("{profile: tide, constituents: [{name: M2, amplitude: 2}]}")
     tide.check(3600.0)  # an hour after the flood's peak
-    told = r"^inflow: reaches -.* at t = 21600 s: the flow stops .* a shorter phase\.duration"
-    with pytest.raises(InputError, match=told):
+    message = r"^inflow: reaches -.* at t = 21600 s: the flow stops .* a shorter phase\.duration"
+    with pytest.raises(InputError, match=message):
         tide.check(6 * 3600.0)
     lull = section("{profile: gust, amplitude: -1.6, time: 20}")
     lull.check(20.0)

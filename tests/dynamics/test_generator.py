@@ -65,10 +65,10 @@ def test_between_its_points_a_table_stays_within_its_neighbours(tmp_path):
     generator, torque = Generator(table=str(path)), np.linspace(0.0, 400.0, 801)
     for speed in (30.0, 40.0, 75.0, 110.0):
         speed *= np.pi / 30.0
-        found = generator.electrical_power(torque, speed)[1:] / (torque[1:] * speed)
-        ends = np.sort([found[0], found[-1]])
-        assert np.all(np.diff(found) > -1e-12)
-        assert np.all((found >= ends[0]) & (found <= 0.97 + 1e-12))
+        efficiency = generator.electrical_power(torque, speed)[1:] / (torque[1:] * speed)
+        ends = np.sort([efficiency[0], efficiency[-1]])
+        assert np.all(np.diff(efficiency) > -1e-12)
+        assert np.all((efficiency >= ends[0]) & (efficiency <= 0.97 + 1e-12))
     assert generator.largest_efficiency == pytest.approx(0.97)
 
 
@@ -123,19 +123,19 @@ def test_copper_losses_move_the_best_tip_speed_ratio_up():
     fixed["objective"] = "electrical"
     plain, lossy = (physics(load_case(fixed | more)) for more in ({}, losses))
     best = plain.rotor.best_operation(plain.blade)
-    found = [find_start(each, best, improve=False) for each in (plain, lossy)]
+    starts = [find_start(each, best, improve=False) for each in (plain, lossy)]
     flow, _ = plain.sampled_flow
     radius = plain.blade.rotor_radius
-    ratios = [each.operation.rotor_speed * radius / flow for each in found]
+    ratios = [each.operation.rotor_speed * radius / flow for each in starts]
     np.testing.assert_allclose(ratios[0], best.tip_speed_ratio, rtol=1e-3)
     assert np.all(ratios[1] > 1.02 * ratios[0])
-    for place in (0, 5, 17):
+    for index in (0, 5, 17):
 
-        def lost(ratio, place=place):
+        def lost(ratio, index=index):
             torque = plain.rotor.coefficients(plain.blade, np.array([ratio])).torque[0]
-            torque *= torque_scale(plain.density, radius, flow[place])
-            return -lossy.case.generator.electrical_power(torque, ratio * flow[place] / radius)
+            torque *= torque_scale(plain.density, radius, flow[index])
+            return -lossy.case.generator.electrical_power(torque, ratio * flow[index] / radius)
 
         expected = minimize_scalar(lost, bounds=(4.0, 12.0), method="bounded")
-        assert -lost(ratios[1][place]) == pytest.approx(-expected.fun, rel=1e-6)
-        assert -lost(ratios[0][place]) < -expected.fun
+        assert -lost(ratios[1][index]) == pytest.approx(-expected.fun, rel=1e-6)
+        assert -lost(ratios[0][index]) < -expected.fun

@@ -69,13 +69,13 @@ def test_the_scatter_of_years_is_that_of_their_bootstrap():
     assert record.samples.scatter(cubes) == pytest.approx(expected, rel=0.02)
 
 
-def test_a_short_record_has_blocks_of_spring_and_neap_or_no_uncertainty(known):
-    samples, _ = known
+def test_a_short_record_has_blocks_of_spring_and_neap_or_no_uncertainty(sampled_tide):
+    samples, _ = sampled_tide
     assert samples.scatter(samples.speed**2) is None  # 30 days
     blocks = np.random.default_rng(2).normal(5.0, 1.0, 6)
     time = np.arange(6 * 1000) * 14.765 * DAY / 1000
-    found = FlowSamples(time, np.ones(time.size)).scatter(np.repeat(blocks, 1000))
-    assert found == pytest.approx(sem(blocks) / np.mean(blocks), rel=1e-12)
+    scatter = FlowSamples(time, np.ones(time.size)).scatter(np.repeat(blocks, 1000))
+    assert scatter == pytest.approx(sem(blocks) / np.mean(blocks), rel=1e-12)
 
 
 def test_the_usgs_file_has_its_days():
@@ -116,9 +116,9 @@ def test_a_direction_is_in_radians_by_its_name(tmp_path):
     rows = "".join(f"{600 * i},1,{0.5 + np.pi * (i > 15)}\n" for i in range(20))
     (tmp_path / "v.csv").write_text(f"time_s,v_m_s,dir_rad\n{rows}")
     keys = {"speed_column": "v_m_s", "direction_column": "dir_rad"}
-    found = RecordResource(file=str(tmp_path / "v.csv"), **keys).samples
-    assert "principal axis 28.6 deg" in " ".join(found.messages)
-    assert np.min(found.speed) == pytest.approx(-1.0)
+    samples = RecordResource(file=str(tmp_path / "v.csv"), **keys).samples
+    assert "principal axis 28.6 deg" in " ".join(samples.messages)
+    assert np.min(samples.speed) == pytest.approx(-1.0)
 
 
 def test_gaps_are_left_out_and_nonsense_is_refused(tmp_path):
@@ -152,18 +152,18 @@ def test_wrong_samples_of_a_month_are_refused_or_left_out(tmp_path, wrong, value
     np.savetxt(file, table, delimiter=",", header="time_s,speed_m_s", comments="")
     with pytest.raises(InputError, match=words):
         RecordResource(file=file).messages  # noqa: B018
-    found = RecordResource(file=file, spikes="replace")
-    assert found.mean_cube == pytest.approx(right, rel=1e-9)
-    assert found.samples.speed.size == np.sum(speed != value)
+    resource = RecordResource(file=file, spikes="replace")
+    assert resource.mean_cube == pytest.approx(right, rel=1e-9)
+    assert resource.samples.speed.size == np.sum(speed != value)
     if value < 20.0:
         kept = RecordResource(file=file, spikes="keep")
         assert kept.mean_cube == pytest.approx(np.mean(speed**3), rel=1e-9)
     table = np.column_stack((table, np.where(speed == value, value, 0.0)))  # turns the axis
     np.savetxt(file, table, delimiter=",", header="time_s,u_m_s,v_m_s", comments="")
     keys = {"speed_column": "u_m_s", "second_column": "v_m_s", "spikes": "replace"}
-    found = RecordResource(file=file, **keys)
-    assert found.mean_cube == pytest.approx(right, rel=1e-9)
-    assert value < 20.0 or "50 samples above 20 m/s left out" in found.messages
+    resource = RecordResource(file=file, **keys)
+    assert resource.mean_cube == pytest.approx(right, rel=1e-9)
+    assert value < 20.0 or "50 samples above 20 m/s left out" in resource.messages
 
 
 @pytest.mark.parametrize("form", ["component", "columns"])
@@ -198,7 +198,7 @@ def test_samples_count_by_the_time_of_their_step(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def known():
+def sampled_tide():
     parts = [
         {"name": "M2", "amplitude": 2.0, "phase": 0.5},
         {"name": "S2", "amplitude": 0.6, "phase": 1.0},
@@ -209,22 +209,22 @@ def known():
     return FlowSamples(time, tide.speed_at(time)), tide
 
 
-def test_constituents_of_a_known_tide_come_back(known):
-    samples, tide = known
-    found = constituents(samples, ["M2", "S2", "K1"])
-    waves = [(wave.amplitude, wave.phase) for wave in found.flow.constituents]
+def test_constituents_of_a_known_tide_come_back(sampled_tide):
+    samples, tide = sampled_tide
+    result = constituents(samples, ["M2", "S2", "K1"])
+    waves = [(wave.amplitude, wave.phase) for wave in result.flow.constituents]
     np.testing.assert_allclose(waves, [(2.0, 0.5), (0.6, 1.0), (0.3, 2.0)], rtol=1e-6)
-    assert found.flow.mean == pytest.approx(0.1, rel=1e-5)
-    assert found.explained == pytest.approx(1.0, abs=1e-12)
+    assert result.flow.mean == pytest.approx(0.1, rel=1e-5)
+    assert result.explained == pytest.approx(1.0, abs=1e-12)
     later = np.linspace(0.0, 100.0 * DAY, 500)
-    again = TidalResource(**found.section)
+    again = TidalResource(**result.section)
     assert [part.name for part in again.constituents] == ["M2", "S2", "K1"]
-    np.testing.assert_allclose(found.flow.speed_at(later), tide.speed_at(later), atol=1e-5)
+    np.testing.assert_allclose(result.flow.speed_at(later), tide.speed_at(later), atol=1e-5)
 
 
-def test_a_record_too_short_is_refused_with_the_length_it_needs(known):
+def test_a_record_too_short_is_refused_with_the_length_it_needs(sampled_tide):
     """K2 and S2 differ by one cycle in 182.6 days."""
-    samples, _ = known
+    samples, _ = sampled_tide
     with pytest.raises(InputError, match=r"182\.6 days"):
         constituents(samples, ["M2", "S2", "K2"])
     assert "K2" not in constituents(samples).names
@@ -241,20 +241,20 @@ def test_a_short_record_is_told_in_readable_units(tmp_path, capsys):
 
 
 def test_hkt_resource_writes_what_a_case_reads(tmp_path, capsys):
-    given = TANANA | {"cut_in": 0.7}
-    keys = [f"--set={key}={value}" for key, value in given.items() if key != "file"]
+    options = TANANA | {"cut_in": 0.7}
+    keys = [f"--set={key}={value}" for key, value in options.items() if key != "file"]
     assert main(["resource", TANANA["file"], "--out", str(tmp_path / "out"), *keys]) == 0
-    told = capsys.readouterr().out
-    assert "3649 samples over 9.99 years" in told
-    assert "by the scatter of blocks of 365.25 days" in told
+    output = capsys.readouterr().out
+    assert "3649 samples over 9.99 years" in output
+    assert "by the scatter of blocks of 365.25 days" in output
     case = (tmp_path / "out" / "case.yaml").read_text() + "control: {law: quadratic}\n"
     (tmp_path / "out" / "case.yaml").write_text(case)
-    found = load_case(tmp_path / "out" / "case.yaml").inflow
+    inflow = load_case(tmp_path / "out" / "case.yaml").inflow
     record = RecordResource(**TANANA)
     mean, share = in_bins(*record.occurrence(), record.bin_width)
     assert record.speeds.speed[-1] == np.max(record.samples.speed)
-    again, hours = found.occurrence()
-    assert found.cut_in == 0.7
+    again, hours = inflow.occurrence()
+    assert inflow.cut_in == 0.7
     np.testing.assert_allclose(again, mean, rtol=1e-9)
     np.testing.assert_allclose(hours, share, rtol=1e-8)
     figure = tmp_path / "out" / "resource.png"

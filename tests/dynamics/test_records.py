@@ -34,7 +34,7 @@ def test_low_pass_is_butterworths_forwards_and_backwards():
 WITHIN = [(np.arange(60, 2340, 120)[:, None] + np.arange(size)).ravel() for size in (1, 2, 3)]
 PLANTED = [
     *((SPEED, each, np.resize(np.repeat([-1, 1], each.size // 19), each.size)) for each in WITHIN),
-    *((SPEED, [place % SPEED.size], 1.0) for place in (0, 1, 2, -3, -2, -1)),
+    *((SPEED, [index % SPEED.size], 1.0) for index in (0, 1, 2, -3, -2, -1)),
     *((np.full(100, 1.5), [50], height) for height in (0.5, -1.5, 1e300)),  # still water
 ]
 

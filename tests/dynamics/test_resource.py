@@ -29,27 +29,27 @@ def year(**resource):
 
 def test_bins_keep_time_and_power_of_the_flow():
     speed = np.random.default_rng(1).weibull(2.0, 1000)
-    mean, found = in_bins(speed, np.full(1000, 1e-3), 0.1)
-    assert np.sum(found) == pytest.approx(1.0, rel=1e-12)
-    assert found @ mean**3 == pytest.approx(np.mean(speed**3), rel=1e-12)
+    mean, share = in_bins(speed, np.full(1000, 1e-3), 0.1)
+    assert np.sum(share) == pytest.approx(1.0, rel=1e-12)
+    assert share @ mean**3 == pytest.approx(np.mean(speed**3), rel=1e-12)
     assert np.all((mean / 0.1).astype(int) == np.unique((speed / 0.1).astype(int)))
 
 
 @pytest.mark.parametrize("width", [0.05, 0.2])
 def test_a_weibull_distribution_has_its_moments(width):
-    found = DistributionResource(scale=1.5, shape=2.0, bin_width=width, cut_in=0.0).speeds
+    speeds = DistributionResource(scale=1.5, shape=2.0, bin_width=width, cut_in=0.0).speeds
     exact = 1.5**3 * gamma(1.0 + 3.0 / 2.0)
-    assert np.sum(found.share) == pytest.approx(1.0, rel=1e-12)
-    assert found.share @ found.speed**3 == pytest.approx(exact, rel=4e-4)  # but for the tail
-    below = found.speed < 1.2  # the end of a bin
-    assert np.sum(found.share[below]) == pytest.approx(1.0 - np.exp(-(0.8**2)), rel=2e-5)
+    assert np.sum(speeds.share) == pytest.approx(1.0, rel=1e-12)
+    assert speeds.share @ speeds.speed**3 == pytest.approx(exact, rel=4e-4)  # but for the tail
+    below = speeds.speed < 1.2  # the end of a bin
+    assert np.sum(speeds.share[below]) == pytest.approx(1.0 - np.exp(-(0.8**2)), rel=2e-5)
 
 
 def test_turbulence_adds_its_variance_to_the_mean_cube():
     """Of a normal distribution, E v³ = m³ (1 + 3 I²)."""
-    about = {"speeds": [1.0, 2.0], "hours": [3.0, 1.0], "cut_in": 0.0}
-    calm = HistogramResource(**about).speeds
-    rough = HistogramResource(**about, turbulence_intensity=0.1).speeds
+    histogram = {"speeds": [1.0, 2.0], "hours": [3.0, 1.0], "cut_in": 0.0}
+    calm = HistogramResource(**histogram).speeds
+    rough = HistogramResource(**histogram, turbulence_intensity=0.1).speeds
     factor = rough.share @ rough.speed**3 / (calm.share @ calm.speed**3)
     assert factor == pytest.approx(1.03, rel=1e-12)
     assert np.all(np.diff(rough.speed) >= 0.0)
@@ -60,8 +60,8 @@ def test_turbulence_adds_its_variance_to_the_mean_cube():
 def test_a_reversing_tide_turns_or_stands():
     parts = [{"name": "M2", "amplitude": 2.0}]
     turns, stands = (
-        TidalResource(constituents=parts, cut_in=0.0, reversal=each).speeds
-        for each in ("turns", "stands")
+        TidalResource(constituents=parts, cut_in=0.0, reversal=reversal).speeds
+        for reversal in ("turns", "stands")
     )
     assert turns.share @ turns.speed**3 == pytest.approx(8.0 * 4.0 / (3.0 * np.pi), rel=1e-3)
     assert stands.idle == pytest.approx(0.5, abs=2e-3)
@@ -119,10 +119,10 @@ def test_a_law_with_states_is_at_rest_where_the_same_law_without_them_is(plant):
     controllers = (
         FeedbackTorque(kind(torque_limit=700.0), gains) for kind in (Lagging, QuadraticFeedback)
     )
-    (speed, running, (z,)), (own, *_) = (equilibria(plant, each, flow) for each in controllers)
+    (speed, running, (z,)), (plain, *_) = (equilibria(plant, each, flow) for each in controllers)
     assert np.all(running)
-    np.testing.assert_allclose(speed, own, rtol=1e-8)
-    np.testing.assert_allclose(z, gains * own**2, rtol=1e-8)
+    np.testing.assert_allclose(speed, plain, rtol=1e-8)
+    np.testing.assert_allclose(z, gains * plain**2, rtol=1e-8)
 
 
 def test_equilibria_are_those_of_brentq(plant):
@@ -130,14 +130,14 @@ def test_equilibria_are_those_of_brentq(plant):
     law, flow = LinearFeedback(torque_limit=700.0), np.array([1.0, 1.5, 2.5])
     speed, running, _ = equilibria(plant, FeedbackTorque(law, np.array([70.0])), flow)
     assert np.all(running)
-    for v, found in zip(flow, speed, strict=True):
+    for v, root in zip(flow, speed, strict=True):
 
         def net(w, v=v):
             w = np.array([w])
             return float(plant.torque(w, np.array([v]))[0] - law.torque(w, [70.0])[0])
 
-        assert found == pytest.approx(brentq(net, found - 0.2, found + 0.2, xtol=1e-14), rel=1e-10)
-        beyond = np.linspace(1.001, 3.0, 30) * found
+        assert root == pytest.approx(brentq(net, root - 0.2, root + 0.2, xtol=1e-14), rel=1e-10)
+        beyond = np.linspace(1.001, 3.0, 30) * root
         assert max(map(net, beyond)) < 0.0
     _, none, _ = equilibria(plant, FeedbackTorque(LinearFeedback(), np.array([7e4])), flow)
     assert not np.any(none)

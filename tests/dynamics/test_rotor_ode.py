@@ -88,7 +88,7 @@ def test_partials_of_direct_bem_by_central_difference(reynolds):
     for name, value in (KNOWN | {"gain_0": 7.2}).items():
         problem.set_val(name, value)
     problem.run_model()
-    about = {"includes": "coefficient", "out_stream": None, "form": "central", "step": 1e-6}
-    data = problem.check_partials(method="fd", **about)
+    options = {"includes": "coefficient", "out_stream": None, "form": "central", "step": 1e-6}
+    data = problem.check_partials(method="fd", **options)
     assert set(data) == {"coefficient"}
     assert_check_partials(data, atol=1e-8, rtol=1e-6)

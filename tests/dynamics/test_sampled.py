@@ -29,14 +29,14 @@ class Through(SampledInflow):
     """A flow through given samples."""
 
     profile: str = "through"
-    given: tuple
+    series: tuple
 
     def samples(self):
-        return self.given
+        return self.series
 
 
 def through(time, speed, kind="not-a-knot"):
-    return Through(given=(time, speed, kind))
+    return Through(series=(time, speed, kind))
 
 
 _TIMES = np.linspace(0.0, 60.0, 121)
@@ -53,7 +53,7 @@ def test_spline_of_a_cubic_is_the_cubic():
 
 
 def test_samples_hold_their_ends_outside():
-    for time, value in ((-3.0, WAVES.given[1][0]), (1e9, WAVES.given[1][-1])):
+    for time, value in ((-3.0, WAVES.series[1][0]), (1e9, WAVES.series[1][-1])):
         assert WAVES.speed_at(time) == pytest.approx(value, rel=1e-14)
         assert WAVES.speed_at(np.array([time]))[0] == pytest.approx(value, rel=1e-14)
         assert WAVES.rate_at(time) == 0.0
@@ -134,8 +134,8 @@ def test_random_amplitudes_are_rayleighs_about_the_spectrum_and_leave_the_phases
     slower = fixed.model_copy(update={"amplitudes": "random", "cutoff": 1.0})
     (samples, step), kept = own_samples(slower), squares[:2000]
     frequency, density = periodogram(samples, 1.0 / step)
-    found = density[1:2001] / fixed.spectral_density(frequency[1:2001])
-    np.testing.assert_allclose(found, kept, rtol=1e-6)
+    ratios = density[1:2001] / fixed.spectral_density(frequency[1:2001])
+    np.testing.assert_allclose(ratios, kept, rtol=1e-6)
 
 
 def test_seeds_reproduce_and_a_cutoff_leaves_what_is_slower():

@@ -54,9 +54,9 @@ def test_friction_slows_the_rotor_as_in_closed_form(blade, polar):
 
 def test_an_integration_error_passes_between_processes():
     """A run in a pool of processes hands its error on by pickling."""
-    for given in ((7.5,), (7.5, (3.0, 30.0))):
-        error = pickle.loads(pickle.dumps(IntegrationError(*given)))
-        assert (error.time, str(error)) == (7.5, str(IntegrationError(*given)))
+    for arguments in ((7.5,), (7.5, (3.0, 30.0))):
+        error = pickle.loads(pickle.dumps(IntegrationError(*arguments)))
+        assert (error.time, str(error)) == (7.5, str(IntegrationError(*arguments)))
 
 
 def relaxing(blade, polar, rate):
@@ -108,13 +108,13 @@ def test_a_motion_is_found_from_one_that_is_near(plant):
         return plant.coefficients(blade, polar, ratio, *others)
 
     near = simulate(plant.tabulated(TABULATED), flow, control, 6.0, TIME)
-    exact, found = replace(plant, coefficients=coefficients), []
+    exact, runs = replace(plant, coefficients=coefficients), []
     for guess in (None, near.path):
         count.append(0)
-        found.append(simulate(exact, flow, control, 6.0, TIME, guess=guess))
-    alone, after = (each.rotor_speed for each in found)
+        runs.append(simulate(exact, flow, control, 6.0, TIME, guess=guess))
+    alone, after = (each.rotor_speed for each in runs)
     np.testing.assert_allclose(after, alone, rtol=1e-9)
-    assert found[1].energy == pytest.approx(found[0].energy, rel=1e-9)
+    assert runs[1].energy == pytest.approx(runs[0].energy, rel=1e-9)
     assert count[1] - TIME.size < 0.5 * (count[0] - TIME.size)
 
 
@@ -194,8 +194,8 @@ def test_a_recorded_torque_and_its_rate_are_those_of_parabolas_and_of_what_holds
     np.testing.assert_allclose(free(dense), dense**2, atol=1e-13)
     np.testing.assert_allclose(free.rate(dense, 9.0, 5.0), 2.0 * dense, atol=1e-12)
     held = RecordedTorque(time, time**2, speed=9.0 + 0.5 * time, stiffness=20.0)
-    found = held.rate(dense, 9.0, 0.6)
-    np.testing.assert_allclose(found, 2.0 * dense + 20.0 * (0.6 - 0.5), atol=1e-11)
+    rate = held.rate(dense, 9.0, 0.6)
+    np.testing.assert_allclose(rate, 2.0 * dense + 20.0 * (0.6 - 0.5), atol=1e-11)
 
 
 @pytest.mark.parametrize("limit", [None, 700.0])
@@ -256,12 +256,12 @@ def test_energies_and_speeds_are_those_of_scipy(plant, inertia, flow, control):
         brake = float(control(time, state[0]))
         return [(driving - brake) / inertia, driving * state[0] / 1e4, brake * state[0] / 1e4]
 
-    found = solve_ivp(
+    solution = solve_ivp(
         rates, (0.0, 20.0), [7.5, 0.0, 0.0], "LSODA", run.time, rtol=1e-12, atol=1e-13, max_step=0.2
     )
-    assert run.energy == pytest.approx(1e4 * found.y[1, -1], rel=1e-8)
-    assert run.generator_energy == pytest.approx(1e4 * found.y[2, -1], rel=1e-8)
-    np.testing.assert_allclose(run.rotor_speed, found.y[0], rtol=1e-7)
+    assert run.energy == pytest.approx(1e4 * solution.y[1, -1], rel=1e-8)
+    assert run.generator_energy == pytest.approx(1e4 * solution.y[2, -1], rel=1e-8)
+    np.testing.assert_allclose(run.rotor_speed, solution.y[0], rtol=1e-7)
 
 
 @pytest.mark.parametrize("law", [QuadraticFeedback(), None], ids=["feedback", "recorded"])

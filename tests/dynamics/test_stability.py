@@ -62,17 +62,17 @@ def law_and_rest(plant, name):
 def test_growth_is_that_of_the_whole_system(plant, name):
     """All filters of all stations, two velocities each, by differences of the motion's rates."""
     controller, rest = law_and_rest(plant, name)
-    about = plant, ConstantInflow(speed=FLOW[0]), controller, len(rest)
+    system = plant, ConstantInflow(speed=FLOW[0]), controller, len(rest)
     at = np.concatenate((SPEED, *rest, plant.wake.at_rest(SPEED, FLOW)[0]))
     steps = 1e-5 * np.maximum(np.abs(at), 0.1)
     whole = [
-        (rates_of_all(0.0, at + x, *about) - rates_of_all(0.0, at - x, *about)) / (2.0 * step)
+        (rates_of_all(0.0, at + x, *system) - rates_of_all(0.0, at - x, *system)) / (2.0 * step)
         for x, step in zip(np.diag(steps), steps, strict=True)
     ]
     values = np.linalg.eigvals(np.array(whole).T)
     loop = Loop.of(plant, controller, SPEED, FLOW, *rest)
-    own = np.linalg.eigvals(loop.matrix[0])
-    off = np.min(np.abs(own[:, None] - values), axis=1) / np.abs(own)
+    loop_values = np.linalg.eigvals(loop.matrix[0])
+    off = np.min(np.abs(loop_values[:, None] - values), axis=1) / np.abs(loop_values)
     assert np.max(off) < 1e-3  # the loop has those of the whole system but for pure filters
     slowest = -1.0 / plant.wake.tau1
     assert max(loop.growth[0], slowest) == pytest.approx(np.max(values.real), abs=1e-3)
@@ -84,8 +84,8 @@ def test_a_simulation_is_stable_where_the_loop_is(plant, factor):
     torque = plant.torque(SPEED, FLOW)[0]
     loop = Loop.of(plant, Held(0.0), SPEED, FLOW)
     heavy = replace(plant, inertia=factor * loop.least_inertia[0])
-    about = Held(0.0, torque), 1.001 * SPEED[0], np.linspace(0.0, 8.0, 601)
-    run = simulate(heavy, ConstantInflow(speed=1.5), *about)
+    motion = Held(0.0, torque), 1.001 * SPEED[0], np.linspace(0.0, 8.0, 601)
+    run = simulate(heavy, ConstantInflow(speed=1.5), *motion)
     off, end = np.abs(run.rotor_speed / SPEED[0] - 1.0), run.time[-1]
     first, last = (np.max(off[x]) for x in (run.time < 0.3 * end, run.time > 0.7 * end))
     assert (last < first) == (factor > 1.0)

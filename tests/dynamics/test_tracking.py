@@ -22,23 +22,23 @@ SPEEDS = np.linspace(6.0, 9.0, KNOTS)
 GAINS = np.array([*SPEEDS, 150.0, 600.0])
 
 
-def world_of(*overrides):
+def model_of(*overrides):
     return physics(load_case(CASES / "sine_oloc.yaml", overrides))
 
 
-def plant_of(world):
-    return Plant(world.blade, world.rotor.polar, INERTIA, world.density, bem.rotor_coefficients)
+def plant_of(model):
+    return Plant(model.blade, model.rotor.polar, INERTIA, model.density, bem.rotor_coefficients)
 
 
 def following(*overrides):
     """Return physics, run and start of a blade as it is that follows its open loop's schedule."""
-    world = world_of(*overrides)
-    start = find_start(world, world.rotor.best_operation(world.blade), improve=False)
+    model = model_of(*overrides)
+    start = find_start(model, model.rotor.best_operation(model.blade), improve=False)
     speed, torque = start.operation.rotor_speed[0], start.operation.hydrodynamic_torque[0]
-    states = world.law.at_rest(torque, float(world.inflow.speed_at(0.0)))
-    loop, time = FeedbackTorque(world.law, start.gains), world.scenarios[0].dense
-    run = simulate(plant_of(world), world.inflow, loop, [speed, *states], time)
-    return world, run, start
+    states = model.law.at_rest(torque, float(model.inflow.speed_at(0.0)))
+    loop, time = FeedbackTorque(model.law, start.gains), model.scenarios[0].dense
+    run = simulate(plant_of(model), model.inflow, loop, [speed, *states], time)
+    return model, run, start
 
 
 # Linear theory ------------------------------------------------------------------------------------
@@ -52,9 +52,9 @@ def test_eigenvalues_are_those_of_a_proportional_integral_loop(plant, ratio):
     torque, faster, slower = (plant.torque(speed + move, flow) for move in (0.0, h, -h))
     gains, slope = np.array([*speeds, 150.0, 600.0]), (faster[0] - slower[0]) / (2.0 * h)
     loop, states = FeedbackTorque(LAW, gains), LAW.at_rest(torque, flow)
-    found = np.linalg.eigvals(Loop.of(plant, loop, speed, flow, *states).rotor[0])
+    values = np.linalg.eigvals(Loop.of(plant, loop, speed, flow, *states).rotor[0])
     expected = np.r_[np.roots([INERTIA, gains[-2] - slope, gains[-1]]), -1.0 / LAW.lag]
-    np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(expected), rtol=1e-5)
+    np.testing.assert_allclose(np.sort_complex(values), np.sort_complex(expected), rtol=1e-5)
 
 
 def test_with_anti_windup_the_loop_is_stable_where_the_proportional_part_exceeds_the_flows_slope():
@@ -72,11 +72,11 @@ def test_with_anti_windup_the_loop_is_stable_where_the_proportional_part_exceeds
     matrix[0, 0] += slope / INERTIA
     growth = np.linalg.eigvals(np.moveaxis(matrix, -1, 0)).real.max(axis=1)
     passed = np.imag(smooth_saturation(wanted + 1e-40j, limit, law.smoothing)) / 1e-40
-    own, lost = GAINS[-2] * passed, 1.0 - passed
-    stable = (own > slope - INERTIA * lost * GAINS[-1] / GAINS[-2]) & (own > lost * slope)
+    gain, lost = GAINS[-2] * passed, 1.0 - passed
+    stable = (gain > slope - INERTIA * lost * GAINS[-1] / GAINS[-2]) & (gain > lost * slope)
     assert 50 < np.sum(stable) < 350
     np.testing.assert_array_equal(growth < 0.0, stable)
-    assert np.all(growth[own > slope] < 0.0)
+    assert np.all(growth[gain > slope] < 0.0)
 
 
 def test_in_equilibrium_nothing_changes():
@@ -103,8 +103,8 @@ def test_schedule_is_its_knots_and_a_straight_line_where_they_are():
 def test_slow_sine_and_a_quick_sensor_give_the_open_loops_energy():
     """Of the same blade, kept, in quasi-steady operation."""
     overrides = ["design.blade=fixed", "inflow.angular_frequency=0.05", "phase.duration=125.66"]
-    world = world_of(*overrides)
-    ideal = find_start(world, world.rotor.best_operation(world.blade), improve=False).operation
+    model = model_of(*overrides)
+    ideal = find_start(model, model.rotor.best_operation(model.blade), improve=False).operation
     _, run, _ = following(*overrides, "control={law: tracking, lag: 0.01}")
     assert run.energy == pytest.approx(ideal.energy, rel=1e-4)
 
@@ -117,13 +117,13 @@ def test_underspeed_is_held_where_a_static_law_is_unstable():
     """
     limited = f"rotor.stations={NINE}", "limits.power=4 kW", "start.branch=underspeed"
     fixed = "design.blade=fixed"
-    world, run, start = following(*limited, fixed, "control={law: tracking, knots: 20, lag: 0.02}")
+    model, run, start = following(*limited, fixed, "control={law: tracking, knots: 20, lag: 0.02}")
     assert start.branch == "underspeed"
     assert np.max(run.control_torque * run.rotor_speed) < 4100.0
     quick = run.inflow_speed > 1.6
     assert np.corrcoef(run.inflow_speed[quick], run.rotor_speed[quick])[0, 1] < -0.9
     assert run.energy == pytest.approx(start.operation.energy, rel=2e-3)
-    plant, loop = plant_of(world), FeedbackTorque(world.law, start.gains)
+    plant, loop = plant_of(model), FeedbackTorque(model.law, start.gains)
     matrix = Loop.of(plant, loop, run.rotor_speed, run.inflow_speed, *run.states).rotor
     assert np.max(np.linalg.eigvals(matrix).real) < 0.0
     fast = np.argmax(run.inflow_speed)
@@ -184,9 +184,9 @@ def test_rate_of_the_torque_is_along_the_motion(plant):
 
 
 def test_knots_span_the_design_flow():
-    world = world_of("control=tracking")
-    np.testing.assert_allclose(world.law.flow_range, (1.3, 1.7), rtol=1e-4)
-    assert physics(world.case).law == world.law
-    still = world_of("control=tracking", "inflow={profile: constant, speed: 1.5}")
+    model = model_of("control=tracking")
+    np.testing.assert_allclose(model.law.flow_range, (1.3, 1.7), rtol=1e-4)
+    assert physics(model.case).law == model.law
+    still = model_of("control=tracking", "inflow={profile: constant, speed: 1.5}")
     assert still.law.flow_range[0] < still.law.flow_range[1]
     assert OpenLoop().states == {}

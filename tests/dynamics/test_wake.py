@@ -51,8 +51,8 @@ def plant_of(run, inertia=HEAVY):
     """Return the rotor of a run, with memory of the wake."""
     design = design_of(run.blade)
     polar = design.physics.rotor.polar
-    about = inertia, design.physics.density, bem.rotor_coefficients
-    return Plant(design.blade, polar, *about).with_memory(run.tau1)
+    properties = inertia, design.physics.density, bem.rotor_coefficients
+    return Plant(design.blade, polar, *properties).with_memory(run.tau1)
 
 
 def simulated(run, time):
@@ -64,14 +64,14 @@ def simulated(run, time):
     blade = plant.blade
     speeds, flows = run.speeds(times, blade.rotor_radius)
     inflow = RampedInflow(times=tuple(times), speeds=tuple(flows))
-    about = Driven(times, speeds), speeds[0], np.union1d(time, [0.0, run.duration])
-    found = simulate(plant, inflow, *about, max_step=0.5)
+    motion = Driven(times, speeds), speeds[0], np.union1d(time, [0.0, run.duration])
+    result = simulate(plant, inflow, *motion, max_step=0.5)
     speed, flow = run.speeds(time, blade.rotor_radius)
-    np.testing.assert_allclose(found.speed_at(time), speed, rtol=1e-7)
-    seen = plant.wake.sections(speed, flow, found.filters[np.searchsorted(about[2], time)])
+    np.testing.assert_allclose(result.speed_at(time), speed, rtol=1e-7)
+    sections = plant.wake.sections(speed, flow, result.filters[np.searchsorted(motion[2], time)])
     pressure = 0.5 * plant.density * flow * flow * blade.blade_count
     r = blade.edges
-    loads = seen.tangential_load, seen.normal_load
+    loads = sections.tangential_load, sections.normal_load
     around, along = (np.pad(each, ((0, 0), (1, 1))) for each in loads)
     inner = around[:, :-1] * (2.0 * r[:-1] + r[1:]) + around[:, 1:] * (r[:-1] + 2.0 * r[1:])
     thrust = 0.5 * (along[:, :-1] + along[:, 1:]) @ np.diff(r)
@@ -81,8 +81,8 @@ def simulated(run, time):
 def check(run, rows):
     """Hold torque and thrust of a run to AeroDyn's: within 0.3 % of their swing."""
     time, _, _, *theirs = rows.T
-    for own, other in zip(simulated(run, time), theirs, strict=True):
-        assert np.max(np.abs(own - other)) < 3e-3 * np.ptp(other)
+    for load, other in zip(simulated(run, time), theirs, strict=True):
+        assert np.max(np.abs(load - other)) < 3e-3 * np.ptp(other)
 
 
 @pytest.mark.parametrize("run", RUNS, ids=lambda run: f"{run.blade}-{run.name}")
@@ -140,11 +140,11 @@ def test_a_wake_in_equilibrium_has_the_torque_and_loads_of_direct_bem(blade, tau
     assert np.max(np.abs(rates)) < 1e-12
     model = design_of(blade).physics.rotor
     ratio = speed * plant.blade.rotor_radius / flow
-    about = {"tip_speed_ratio": ratio, "names": ("thrust", "root_moment")}
-    seen = plant.wake.sections(speed, flow, state)
-    given = model.loads(plant.blade, **about, flow=seen)
-    for name, load in model.loads(plant.blade, **about).items():
-        np.testing.assert_allclose(given[name].largest, load.largest, rtol=1e-10)
+    options = {"tip_speed_ratio": ratio, "names": ("thrust", "root_moment")}
+    sections = plant.wake.sections(speed, flow, state)
+    loads = model.loads(plant.blade, **options, flow=sections)
+    for name, load in model.loads(plant.blade, **options).items():
+        np.testing.assert_allclose(loads[name].largest, load.largest, rtol=1e-10)
 
 
 def rates_of_all(time, values, plant, inflow, controller, n_states):
@@ -207,8 +207,8 @@ def test_time_constant_follows_the_induction_at_seven_tenths(paper):
     for axial, kept_induction in ((0.3, 0.3), (0.9, 0.5)):
         slow, fast = wake.times(np.array([1.5]), np.array([1.5 * axial]))
         assert slow[0, 0] == pytest.approx(1.1 * 1.4 / ((1.0 - 1.3 * kept_induction) * 1.5))
-        place = plant.blade.r / plant.blade.tip_radius
-        np.testing.assert_allclose(fast[0], (0.39 - 0.26 * place**2) * slow[0, 0])
+        span = plant.blade.r / plant.blade.tip_radius
+        np.testing.assert_allclose(fast[0], (0.39 - 0.26 * span**2) * slow[0, 0])
 
 
 @pytest.mark.parametrize("n", [1, 3])
@@ -218,9 +218,9 @@ def test_eliminated_filters_are_those_of_the_full_system(n):
     dense, by_last = random.normal(size=(steps, 5, n, n)), random.normal(size=(steps, 5, n, m))
     chain, by_first = random.normal(size=(steps, 5, 2, 2, m)), random.normal(size=(steps, 5, 2, m))
     full = np.zeros((steps, 5, n + 2 * m, n + 2 * m))
-    full[..., :n, :n], full[..., :n, n + m :], place = dense, by_last, np.arange(n, n + 2 * m)
-    full[..., place, 0], place = by_first.reshape(steps, 5, -1), place.reshape(2, m)
-    full[..., place[:, None], place] = chain
+    full[..., :n, :n], full[..., :n, n + m :], index = dense, by_last, np.arange(n, n + 2 * m)
+    full[..., index, 0], index = by_first.reshape(steps, 5, -1), index.reshape(2, m)
+    full[..., index[:, None], index] = chain
     step = random.uniform(0.1, 0.5, (steps, 1))
     whole = StageSystem(step, full)
     parts = StageSystem(step, dense, (by_last, chain, by_first))
@@ -232,10 +232,10 @@ def test_eliminated_filters_are_those_of_the_full_system(n):
 def test_newtons_method_is_given_up_before_it_leaves_every_real_speed():
     """The slope by which the system of a step is singular: what makes up for a miss is endless."""
     inverse = np.linalg.eigvals(np.linalg.inv(MATRIX))
-    slope, step, seen = inverse[np.isreal(inverse)].real[0], np.ones((1, 1)), []
+    slope, step, speeds = inverse[np.isreal(inverse)].real[0], np.ones((1, 1)), []
 
     def rates(_time, _flow, stages):
-        seen.append(np.max(np.abs(stages)))
+        speeds.append(np.max(np.abs(stages)))
         return slope * stages, None
 
     system = StageSystem(step, np.full((1, 5, 1, 1), slope))
@@ -243,7 +243,7 @@ def test_newtons_method_is_given_up_before_it_leaves_every_real_speed():
     motion._rates, motion._system = rates, lambda *_: system
     solved = simulation._Motion._stages(motion, np.ones(1), step, None, None, np.ones((1, 5, 1)))
     assert solved is None
-    assert max(seen) < simulation.LOST
+    assert max(speeds) < simulation.LOST
 
 
 def test_torque_rises_with_the_speed_while_the_wake_stays(paper):

@@ -69,8 +69,8 @@ def test_a_law_has_a_torque_where_the_rotor_stands_or_turns_back(law, gains):
     speed, gains = np.array([-45.9, -1e-9, 0.0, STILL, 2.0 * STILL]), np.array(gains)
     torque = law.torque(speed, gains)
     assert np.all(np.isfinite(torque))
-    known = {"speed": speed, "gains": gains}
-    slopes = [slope(law.torque, known, name, diagonal=name == "speed") for name in known]
+    inputs = {"speed": speed, "gains": gains}
+    slopes = [slope(law.torque, inputs, name, diagonal=name == "speed") for name in inputs]
     assert np.all(np.isfinite(np.column_stack(slopes)))
     if isinstance(law, PowerLawFeedback | CurveFeedback):
         assert np.all(torque[:4] == torque[3])
@@ -84,8 +84,8 @@ def test_a_curve_is_a_natural_spline_of_the_logarithms():
     law = CurveFeedback(knots=5)
     spline = CubicSpline(np.log(KNOTS), np.log(TORQUES), bc_type="natural")
     inside = np.linspace(4.0, 12.0, 50)
-    found = law.torque(inside, np.append(KNOTS, TORQUES))
-    np.testing.assert_allclose(found, np.exp(spline(np.log(inside))), rtol=1e-12)
+    torque = law.torque(inside, np.append(KNOTS, TORQUES))
+    np.testing.assert_allclose(torque, np.exp(spline(np.log(inside))), rtol=1e-12)
     np.testing.assert_allclose(law.torque(KNOTS, np.append(KNOTS, TORQUES)), TORQUES, rtol=1e-12)
 
 
@@ -108,8 +108,8 @@ def test_a_curve_goes_on_as_a_power_of_the_speed(torques, least):
             change = law.torque(speed, gains + move) - law.torque(speed, gains - move)
             exact = np.imag(law.torque(speed, gains + 1e-30j * move)) / 1e-30
             np.testing.assert_allclose(exact, 0.5 * change, atol=1e-9 * np.max(torques))
-        for place in KNOTS[end] * np.array([1.0, np.exp(BEND if end else -BEND)]):
-            slopes = law.slopes(place * (1.0 + np.array([-1e-7, 1e-7])), 1.5, gains)[0, 0]
+        for edge in KNOTS[end] * np.array([1.0, np.exp(BEND if end else -BEND)]):
+            slopes = law.slopes(edge * (1.0 + np.array([-1e-7, 1e-7])), 1.5, gains)[0, 0]
             assert slopes[0] == pytest.approx(slopes[1], rel=1e-4)
 
 
@@ -198,8 +198,8 @@ def test_a_curve_reaches_open_loop_as_its_knots_grow(table):
     lost, counts = [], (2, 4, 8)
     for knots in counts:
         law = CurveFeedback(knots=knots)
-        found = quasi_steady(table, law).operate(law.fit(speed[best], torque[best]))
-        kept = LOSSES.electrical_power(found.hydrodynamic_torque, found.rotor_speed)
+        operation = quasi_steady(table, law).operate(law.fit(speed[best], torque[best]))
+        kept = LOSSES.electrical_power(operation.hydrodynamic_torque, operation.rotor_speed)
         lost.append(1.0 - (weights @ kept) / (weights @ power[best]))
     assert np.all(np.array(lost) > 0.0)
     order = -np.diff(np.log(lost)) / np.log(np.divide(counts[1:], counts[:-1]))
