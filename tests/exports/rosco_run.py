@@ -44,18 +44,18 @@ class Controller:
         return float(self.swap[DEMAND])
 
 
-def main(given):
-    step, flow = float(given["step"]), given["flow"]
-    curve = CubicSpline(given["ratio"], given["coefficient"])
-    radius, scale, inertia = (float(given[name]) for name in ("radius", "scale", "inertia"))
-    controller = Controller(str(given["library"]), str(given["discon"]), step, int(given["blades"]))
+def main(data):
+    step, flow = float(data["step"]), data["flow"]
+    curve = CubicSpline(data["ratio"], data["coefficient"])
+    radius, scale, inertia = (float(data[name]) for name in ("radius", "scale", "inertia"))
+    controller = Controller(str(data["library"]), str(data["discon"]), step, int(data["blades"]))
     middle = CubicSpline(np.arange(flow.size), flow)  # the flow within a step
 
     def rate(speed, at, torque):
         now = float(middle(at))
         return (scale * now**2 * float(curve(speed * radius / now)) - torque) / inertia
 
-    speed, speeds, torques = float(given["speed"]), [], []
+    speed, speeds, torques = float(data["speed"]), [], []
     for number, now in enumerate(flow):
         torque = controller.torque(number, speed, now)
         speeds.append(speed)

@@ -55,9 +55,9 @@ def test_several_formats_are_written_side_by_side(hkt, tmp_path):
     ],
 )
 def test_what_is_not_understood_is_reported_with_the_remedy(hkt, tmp_path, arguments, words):
-    code, told = hkt("export", RESULT, *arguments, "--out", tmp_path / "out")
+    code, printed = hkt("export", RESULT, *arguments, "--out", tmp_path / "out")
     assert code == 2
-    assert [each for each in words if each not in told] == []
+    assert [each for each in words if each not in printed] == []
     assert not (tmp_path / "out").exists()
 
 
@@ -65,10 +65,10 @@ def test_a_missing_package_is_reported_with_the_line_that_installs_it(hkt, tmp_p
     for module in ("OCP", "netCDF4"):
         monkeypatch.setitem(sys.modules, module, None)
     for name, extra in (("step", "cad"), ("netcdf", "records")):
-        code, told = hkt("export", RESULT, "--to", "controller", "--to", name, "--out", tmp_path)
+        code, printed = hkt("export", RESULT, "--to", "controller", "--to", name, "--out", tmp_path)
         assert code == 2
-        assert f"--to = '{name}': needs" in told
-        assert install(extra) in told
+        assert f"--to = '{name}': needs" in printed
+        assert install(extra) in printed
     assert hkt("export", RESULT, "--to", "controller", "--out", tmp_path / "out")[0] == 0
 
 
@@ -78,29 +78,29 @@ def test_files_are_replaced_only_by_force(hkt, tmp_path):
     file = tmp_path / "out" / "controller.c"
     before = file.read_text()
     file.write_text("mine")
-    code, told = hkt(*command)
+    code, printed = hkt(*command)
     assert code == 2
-    assert "is there already; give --force to replace it" in told
+    assert "is there already; give --force to replace it" in printed
     assert file.read_text() == "mine"
     assert hkt(*command, "--force")[0] == 0
     assert file.read_text() == before
     file.unlink()
     file.mkdir()
-    code, told = hkt(*command, "--force")
+    code, printed = hkt(*command, "--force")
     assert code == 2
-    assert "controller.c: is a folder; choose another name or folder" in told
-    code, told = hkt(*command[:-1], tmp_path / "out" / "controller.h")
+    assert "controller.c: is a folder; choose another name or folder" in printed
+    code, printed = hkt(*command[:-1], tmp_path / "out" / "controller.h")
     assert code == 2
-    assert "cannot be made a folder (File exists); choose another one" in told
+    assert "cannot be made a folder (File exists); choose another one" in printed
 
 
 def test_a_result_without_success_is_exported_by_force_only(hkt, tmp_path):
     failed = changed(tmp_path / "failed", success=False, message="no solution within 300 steps")
     command = "export", failed, "--to", "csv,controller,rosco", "--out", tmp_path / "out"
-    code, told = hkt(*command)
+    code, printed = hkt(*command)
     assert code == 2
-    assert "a run that did not succeed (no solution within 300 steps)" in told
-    assert "or give --force" in told
+    assert "a run that did not succeed (no solution within 300 steps)" in printed
+    assert "or give --force" in printed
     assert not (tmp_path / "out").exists()
     assert hkt(*command, "--force")[0] == 0
     for file in (path for path in (tmp_path / "out").rglob("*") if path.is_file()):
@@ -109,16 +109,16 @@ def test_a_result_without_success_is_exported_by_force_only(hkt, tmp_path):
 
 def test_an_unfinished_result_is_reported(hkt, tmp_path):
     (changed(tmp_path / "begun") / "summary.json").unlink()
-    code, told = hkt("export", tmp_path / "begun", "--to", "csv", "--out", tmp_path / "out")
+    code, printed = hkt("export", tmp_path / "begun", "--to", "csv", "--out", tmp_path / "out")
     assert code == 2
-    assert "begun: is no result folder: it lacks summary.json" in told
+    assert "begun: is no result folder: it lacks summary.json" in printed
 
 
 def test_one_format_that_cannot_express_the_result_stops_all(hkt, tmp_path):
     result = made(tmp_path / "open", "inflow: sine\ncontrol: open_loop\n").folder
     for name in ("controller", "rosco"):
-        code, told = hkt("export", result, "--to", f"sections,{name}", "--out", tmp_path / "out")
+        code, printed = hkt("export", result, "--to", f"sections,{name}", "--out", tmp_path / "out")
         assert code == 2
-        assert f"--to = '{name}'" in told
-        assert "run the case with a feedback law" in told
+        assert f"--to = '{name}'" in printed
+        assert "run the case with a feedback law" in printed
     assert not (tmp_path / "out").exists()

@@ -98,8 +98,8 @@ def test_code_is_the_static_law(name, language, tmp_path):
     export(solution, ["controller"], tmp_path)
     torque, design = function_of(tmp_path, language, "torque"), solution.design()
     wanted = design.law.torque(SPEEDS, design.gains)
-    found = [torque(speed) for speed in SPEEDS.tolist()]
-    np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-12 * np.max(np.abs(wanted)))
+    torques = [torque(speed) for speed in SPEEDS.tolist()]
+    np.testing.assert_allclose(torques, wanted, rtol=1e-12, atol=1e-12 * np.max(np.abs(wanted)))
 
 
 @pytest.fixture
@@ -144,9 +144,9 @@ def test_steps_of_tracking_are_the_discrete_law(tracking, tmp_path, language):
         module = module_of(tmp_path)
         assert module.SAMPLE_TIME == 0.002
         step = module.Controller(400.0, flows[0]).step
-    found = [step(*each) for each in zip(speeds.tolist(), flows.tolist(), strict=True)]
+    torques = [step(*each) for each in zip(speeds.tolist(), flows.tolist(), strict=True)]
     wanted = discrete(0.002, speeds, flows)
-    np.testing.assert_allclose(found, wanted, rtol=2e-12)
+    np.testing.assert_allclose(torques, wanted, rtol=2e-12)
     assert np.max(wanted) > 595.0  # saturated
     assert np.min(wanted) < 450.0
 
@@ -159,15 +159,15 @@ def test_steps_of_tracking_converge_to_the_continuous_law(tracking, tmp_path):
         return law.rates(*operation(time), gains, *states)
 
     begin = [400.0, 1.5]
-    known = solve_ivp(rates, (0.0, 20.0), begin, rtol=1e-10, atol=1e-8, dense_output=True).sol
+    solution = solve_ivp(rates, (0.0, 20.0), begin, rtol=1e-10, atol=1e-8, dense_output=True).sol
     errors = []
     for period in (0.008, 0.004, 0.002, 0.001):
         folder = tmp_path / f"{period}"
         export(tracking, ["controller"], folder, options=[f"controller.sample_time={period} s"])
         time, speeds, flows = readings(period)
         controller = module_of(folder).Controller(*begin)
-        found = [controller.step(*x) for x in zip(speeds.tolist(), flows.tolist(), strict=True)]
-        errors.append(np.max(np.abs(found - law.torque(speeds, gains, *known(time)))))
+        torques = [controller.step(*x) for x in zip(speeds.tolist(), flows.tolist(), strict=True)]
+        errors.append(np.max(np.abs(torques - law.torque(speeds, gains, *solution(time)))))
     orders = np.log2(np.divide(errors[:-1], errors[1:]))
     np.testing.assert_allclose(orders, 1.0, atol=0.1)  # what is sensed is held over a step
     assert errors[-1] < 2.0
@@ -190,9 +190,9 @@ def test_an_estimated_flow_is_that_of_the_program(tmp_path, language):
     solution = result(tmp_path / "result", control, [*SCHEDULE, KP, KI])
     export(solution, ["controller"], tmp_path)
     design, flow = solution.design(), function_of(tmp_path, language, "flow", 3)
-    world = design.physics
-    rotor = design.blade, design.plant.polar, design.inertia, world.density, SOLVERS["vectorized"]
-    plant = Plant(*rotor, world.case.generator)
+    model = design.physics
+    rotor = design.blade, design.plant.polar, design.inertia, model.density, SOLVERS["vectorized"]
+    plant = Plant(*rotor, model.case.generator)
     estimate, random = FlowEstimate(plant), np.random.default_rng(1)
     speed, torque = random.uniform(3.0, 12.0, 500), random.uniform(0.0, 900.0, 500)
     acceleration = random.uniform(-2.0, 2.0, 500)
@@ -201,8 +201,8 @@ def test_an_estimated_flow_is_that_of_the_program(tmp_path, language):
     np.testing.assert_allclose([flow(*row) for row in rows], wanted, rtol=1e-12)
     steady = plant.torque(np.array([7.5]), np.array([1.5]))
     assert flow(7.5, float(steady[0]) - 20.0, 0.0) == pytest.approx(1.5, rel=1e-6)
-    told = "friction, not part of the law: 20 N m and 0 N m s/rad on the shaft"
-    assert told in (tmp_path / "controller.py").read_text()
+    comment = "friction, not part of the law: 20 N m and 0 N m s/rad on the shaft"
+    assert comment in (tmp_path / "controller.py").read_text()
 
 
 def test_a_law_of_an_extension_is_refused_with_the_reason(tmp_path):

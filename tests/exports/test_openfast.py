@@ -69,7 +69,7 @@ def points(name, kept):
         rows = kept[np.isclose(kept["tip_speed_ratio"], ratio)][1:-1]  # without hub and tip
         loads = np.array([rows["normal_load_N_m"], rows["tangential_load_N_m"]]) / pressure
         angle = np.deg2rad(rows["phi_deg"])
-        own, polars = bem.sections(blade, rotor.polar, [ratio]), rotor.polar.stations(blade)
+        sections, polars = bem.sections(blade, rotor.polar, [ratio]), rotor.polar.stations(blade)
         at, apart = [], []
         for j, phi in enumerate(angle):
             station = (blade.chord[j], blade.twist[j], blade.r[j], blade.hub_radius)
@@ -84,18 +84,18 @@ def points(name, kept):
             ratio=ratio,
             angle=angle,
             loads=loads,
-            own_angle=own.inflow_angle[0],
-            own_loads=np.array([own.normal_load[0], own.tangential_load[0]]),
+            own_angle=sections.inflow_angle[0],
+            own_loads=np.array([sections.normal_load[0], sections.tangential_load[0]]),
             at_angle=np.array(at).T,
             apart=np.array(apart),
-            limited=own.tangential_induction[0] > MOST_SWIRL,
+            limited=sections.tangential_induction[0] > MOST_SWIRL,
         )
 
 
 def check(name, kept, rotor):
     """Hold this program's direct BEM to an output of AeroDyn."""
     design = design_of(name)
-    for point, own in zip(points(name, kept), rotor, strict=True):
+    for point, row in zip(points(name, kept), rotor, strict=True):
         size = np.linalg.norm(point.loads, axis=0)
         assert np.max(np.abs(point.loads - point.at_angle) / size) < SAME
         same = ~point.limited
@@ -110,7 +110,7 @@ def check(name, kept, rotor):
         # the sum over the span: AeroDyn's is exact for linear loads, this program's by trapezoids
         blade = design.blade
         coefficients = rotor_of(design).coefficients(blade, [point.ratio])
-        assert own["power_coefficient"] == pytest.approx(_by_linear_loads(blade, point), abs=1e-9)
+        assert row["power_coefficient"] == pytest.approx(_by_linear_loads(blade, point), abs=1e-9)
         trapezoids = point.ratio * bem.torque_weights(blade) @ point.loads[1]
         if same.all():
             assert trapezoids == pytest.approx(coefficients.power[0], abs=1e-6)
@@ -135,29 +135,29 @@ def test_exported_input_is_what_aerodyn_was_given(exported, name):
     """Line by line, numbers to nine digits; the second line says from where it comes."""
     folders = exported(name), DATA / name / "aerodyn"
     for file in ("aerodyn_driver.dvr", "aerodyn.dat", "aerodyn_blade.dat"):
-        own, kept = ((folder / file).read_text().splitlines() for folder in folders)
-        assert len(own) == len(kept)
-        for place, (one, other) in enumerate(zip(own, kept, strict=True)):
-            if place == 1:
+        lines, kept = ((folder / file).read_text().splitlines() for folder in folders)
+        assert len(lines) == len(kept)
+        for index, (one, other) in enumerate(zip(lines, kept, strict=True)):
+            if index == 1:
                 continue
-            for word, known in zip(one.split(), other.split(), strict=True):
+            for word, expected in zip(one.split(), other.split(), strict=True):
                 number = parse_number(word)
                 same = word if number is None else pytest.approx(number, rel=1e-9)
-                assert (known if number is None else parse_number(known)) == same
+                assert (expected if number is None else parse_number(expected)) == same
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_openfast_io_reads_the_rotor_back(exported, name):
     folder, design = exported(name), design_of(name)
-    blade, found = design.blade, read_back(folder)
-    rows = {key: np.array(each) for key, each in found["AeroDynBlade"].items() if key != "NumBlNds"}
+    blade, data = design.blade, read_back(folder)
+    rows = {key: np.array(each) for key, each in data["AeroDynBlade"].items() if key != "NumBlNds"}
     inner = slice(1, -1)
     np.testing.assert_allclose(rows["BlSpn"][inner] + blade.hub_radius, blade.r, rtol=1e-9)
     np.testing.assert_allclose(rows["BlChord"][inner], blade.chord, rtol=0.0, atol=1e-6)
     np.testing.assert_allclose(rows["BlTwist"][inner], np.rad2deg(blade.twist), atol=1e-6)
     assert rows["BlSpn"][0] == 0.0
     assert rows["BlSpn"][-1] == pytest.approx(blade.tip_radius - blade.hub_radius, rel=1e-12)
-    aerodyn, elastic = found["AeroDyn"], found["ElastoDyn"]
+    aerodyn, elastic = data["AeroDyn"], data["ElastoDyn"]
     assert (aerodyn["BEM_Mod"], aerodyn["UA_Mod"], aerodyn["DBEMT_Mod"]) == (1, 0, 0)
     angles = np.deg2rad(np.linspace(-10.0, 20.0, 121))  # knots: every quarter of a degree
     for station, number in enumerate(rows["BlAFID"][inner].astype(int)):
@@ -166,8 +166,8 @@ def test_openfast_io_reads_the_rotor_back(exported, name):
         read = [np.interp(np.rad2deg(angles), table["Alpha"], table[each]) for each in ("Cl", "Cd")]
         np.testing.assert_allclose(read, polar.evaluate(angles), atol=1e-12)
         lowest = -np.max(polar.suction_at(angles)[0], axis=0)
-        given = np.interp(np.rad2deg(angles), table["Alpha"], table["Cpmin"])
-        np.testing.assert_allclose(given, lowest, atol=1e-12)
+        pressure = np.interp(np.rad2deg(angles), table["Alpha"], table["Cpmin"])
+        np.testing.assert_allclose(pressure, lowest, atol=1e-12)
     for end in (0, -1):  # no load at hub and tip
         (table,) = aerodyn["af_data"][int(rows["BlAFID"][end]) - 1]
         assert not np.any([table["Cl"], table["Cd"]])
@@ -176,7 +176,7 @@ def test_openfast_io_reads_the_rotor_back(exported, name):
     assert elastic["GenDOF"]
     assert not elastic["FlapDOF1"]
     assert not elastic["PtfmSgDOF"]
-    assert inertia(found) == pytest.approx(design.inertia, rel=1e-5)
+    assert inertia(data) == pytest.approx(design.inertia, rel=1e-5)
 
 
 def read_back(folder):
@@ -193,9 +193,9 @@ def read_back(folder):
     return reader.fst_vt
 
 
-def inertia(found):
+def inertia(data):
     """Return the inertia about the axis of what ElastoDyn is told, kg m²; no cone."""
-    rows, whole = found["ElastoDynBlade"][0], found["ElastoDyn"]
+    rows, whole = data["ElastoDynBlade"][0], data["ElastoDyn"]
     share, mass = np.array(rows["BlFract"]), np.array(rows["BMassDen"])
     r = whole["HubRad"] + share * (whole["TipRad"] - whole["HubRad"])
     middle = 0.5 * (mass[1:] + mass[:-1]) * (0.5 * (r[1:] + r[:-1])) ** 2
@@ -213,10 +213,10 @@ def test_mhk_2_and_a_given_depth_count_heights_from_the_surface(tmp_path):
     (depth,) = [line for line in driver.splitlines() if "WtrDpth" in line]
     assert "FILL IN" not in depth
     rows = (tmp_path / "openfast" / "aerodyn_blade.dat").read_text().splitlines()[6:]
-    own = np.array([row.split() for row in rows], dtype=float)
+    table = np.array([row.split() for row in rows], dtype=float)
     outlines = design_of("river").turbine.outlines
     areas = [outline.area * 4.0 / np.pi for outline in outlines]  # over that of a circle
-    np.testing.assert_allclose(own[1:-1, 8], areas, rtol=1e-9)
+    np.testing.assert_allclose(table[1:-1, 8], areas, rtol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -229,9 +229,9 @@ def test_mhk_2_and_a_given_depth_count_heights_from_the_surface(tmp_path):
     ],
 )
 def test_bad_options_are_reported_with_their_key(tmp_path, options, key):
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as caught:
         export(solution("paper"), ["openfast"], tmp_path / "out", options=options)
-    assert told.value.key == key
+    assert caught.value.key == key
     assert not (tmp_path / "out").exists()
 
 
@@ -265,11 +265,11 @@ def test_aerodyn_itself_has_the_loads_of_direct_bem(exported, name, tmp_path, ca
     subprocess.run(command, cwd=folder, check=True, capture_output=True, timeout=120)
     loads, rotor = [], []
     for number in range(1, 9):
-        found = _last_row(folder / f"aerodyn_driver.{number}.out")
-        rotor.append((found["RtTSR"], found["RtFldCp"]))
+        row = _last_row(folder / f"aerodyn_driver.{number}.out")
+        rotor.append((row["RtTSR"], row["RtFldCp"]))
         for node in range(1, design_of(name).blade.r.size + 3):
             keys = (f"AB1N{node:03d}{each}" for each in ("Phi", "VRel", "Fx", "Fy"))
-            loads.append((found["RtTSR"], *map(found.__getitem__, keys)))
+            loads.append((row["RtTSR"], *map(row.__getitem__, keys)))
     names = ["tip_speed_ratio", "phi_deg", "relative_speed_m_s"]
     names += ["normal_load_N_m", "tangential_load_N_m"]
     kept = np.array(loads, dtype=[(each, float) for each in names])

@@ -95,11 +95,11 @@ def operate(solution, tmp_path, step=0.01, duration=None):
     if design.law.states:
         (speed,), _, states = equilibria(plant, torque, flow[:1])
     start = [speed, *(each[0] for each in states)]
-    own = simulate(plant, scenario.inflow, torque, start, time)
-    given, found = tmp_path / "given.npz", tmp_path / "found.npz"
+    simulation = simulate(plant, scenario.inflow, torque, start, time)
+    inputs, outputs = tmp_path / "given.npz", tmp_path / "found.npz"
     ratio = np.linspace(0.5, 20.0, 1200)
     np.savez(
-        given,
+        inputs,
         library=library(),
         discon=str(exported(solution, tmp_path) / "DISCON.IN"),
         step=step,
@@ -112,14 +112,14 @@ def operate(solution, tmp_path, step=0.01, duration=None):
         speed=speed,
         blades=blade.blade_count,
     )
-    command = [sys.executable, str(Path(__file__).with_name("rosco_run.py")), given, found]
+    command = [sys.executable, str(Path(__file__).with_name("rosco_run.py")), inputs, outputs]
     ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300)
     assert ran.returncode == 0, ran.stdout + ran.stderr
-    result = np.load(found)
+    result = np.load(outputs)
     speed, torque = result["speed"], result["torque"]
     energy = np.trapezoid(plant.torque(speed, flow) * speed, time)
-    found = {"energy": energy, "generated": np.trapezoid(torque * speed, time), "own": own}
-    return SimpleNamespace(time=time, speed=speed, torque=torque, **found)
+    outputs = {"energy": energy, "generated": np.trapezoid(torque * speed, time), "own": simulation}
+    return SimpleNamespace(time=time, speed=speed, torque=torque, **outputs)
 
 
 def library():
@@ -140,12 +140,12 @@ def test_table_has_the_coefficients_of_direct_bem(kept):
     pitch, ratio, power, thrust, torque = rosco().load_from_txt(str(folder / "Cp_Ct_Cq.txt"))
     rotor, blade = design.physics.rotor, design.blade
     assert 0.0 in pitch
-    for place in (list(pitch).index(0.0), -1):
-        pitched = blade.with_shape(blade.chord, blade.twist + pitch[place])
-        own = rotor.coefficients(pitched, ratio)
-        np.testing.assert_allclose(power[:, place], own.power, atol=1e-6)
-        np.testing.assert_allclose(thrust[:, place], own.thrust, atol=1e-6)
-        np.testing.assert_allclose(torque[:, place], own.torque, atol=1e-6)
+    for column in (list(pitch).index(0.0), -1):
+        pitched = blade.with_shape(blade.chord, blade.twist + pitch[column])
+        coefficients = rotor.coefficients(pitched, ratio)
+        np.testing.assert_allclose(power[:, column], coefficients.power, atol=1e-6)
+        np.testing.assert_allclose(thrust[:, column], coefficients.thrust, atol=1e-6)
+        np.testing.assert_allclose(torque[:, column], coefficients.torque, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", ["paper", "river"])
@@ -153,22 +153,22 @@ def test_quadratic_and_rated_law_are_overspeed_by_vs_fbp_1(kept, name):
     """From the speed at which K w² meets the limit of the torque, or the rated power."""
     design, folder = kept(name)
     text = rosco().read_DISCON(str(folder / "DISCON.IN"))
-    found = {key: float(x) for key, x in text.items() if np.isscalar(x) and not isinstance(x, str)}
-    assert (found["VS_ControlMode"], found["VS_FBP"]) == (1, 1)
+    inputs = {key: float(x) for key, x in text.items() if np.isscalar(x) and not isinstance(x, str)}
+    assert (inputs["VS_ControlMode"], inputs["VS_FBP"]) == (1, 1)
     gain, *power = design.gains
     wanted = {"VS_Rgn2K": gain, "WE_Jtot": design.inertia, "WE_RhoAir": design.physics.density}
     if name == "paper":
         wanted |= {"VS_MaxTq": 700.0, "VS_RefSpd": np.sqrt(700.0 / gain)}
     else:
         wanted |= {"VS_RtPwr": power[0], "VS_RefSpd": np.cbrt(power[0] / gain)}
-    assert {key: found[key] for key in wanted} == pytest.approx(wanted, rel=1e-9)
+    assert {key: inputs[key] for key in wanted} == pytest.approx(wanted, rel=1e-9)
 
 
 @pytest.mark.parametrize("name", ["paper", "river"])
 def test_schedule_is_the_equilibrium_of_the_law(kept, name):
     design, folder = kept(name)
-    found = rosco().read_DISCON(str(folder / "DISCON.IN"))
-    flow, speed, torque = (np.array(found[f"VS_FBP_{each}"]) for each in ("U", "Omega", "Tau"))
+    inputs = rosco().read_DISCON(str(folder / "DISCON.IN"))
+    flow, speed, torque = (np.array(inputs[f"VS_FBP_{each}"]) for each in ("U", "Omega", "Tau"))
     blade, rotor = design.blade, design.physics.rotor
     scale = torque_scale(design.physics.density, blade.rotor_radius, flow)
     driving = scale * rotor.coefficients(blade, speed * blade.rotor_radius / flow).torque
@@ -178,30 +178,30 @@ def test_schedule_is_the_equilibrium_of_the_law(kept, name):
 
 
 def test_tracking_is_a_speed_over_the_flow_by_vs_fbp_2(tmp_path):
-    found = rosco().read_DISCON(str(exported(tracking(tmp_path), tmp_path) / "DISCON.IN"))
-    assert (int(found["VS_ControlMode"]), int(found["VS_FBP"])) == (2, 2)
-    assert (float(found["VS_KP"]), float(found["VS_KI"])) == (-200.0, -1000.0)
-    at_knots = np.interp(FLOWS, found["VS_FBP_U"], found["VS_FBP_Omega"])
+    inputs = rosco().read_DISCON(str(exported(tracking(tmp_path), tmp_path) / "DISCON.IN"))
+    assert (int(inputs["VS_ControlMode"]), int(inputs["VS_FBP"])) == (2, 2)
+    assert (float(inputs["VS_KP"]), float(inputs["VS_KI"])) == (-200.0, -1000.0)
+    at_knots = np.interp(FLOWS, inputs["VS_FBP_U"], inputs["VS_FBP_Omega"])
     np.testing.assert_allclose(at_knots, underspeed(), rtol=1e-3)  # linear between the columns
-    assert float(found["F_WECornerFreq"]) == 10.0 / 0.1  # the lag of the sensor
+    assert float(inputs["F_WECornerFreq"]) == 10.0 / 0.1  # the lag of the sensor
 
 
 def test_a_law_whose_torque_rises_is_a_speed_over_the_torque_by_vs_fbp_3(tmp_path):
     law = "{law: power_law, exponent: 1.5, cut_out: 2.4}"
     file = exported(with_law(tmp_path, law, 22.0, ["N*m"]), tmp_path) / "DISCON.IN"
     assert "! cut-out, not part of the law: a flow of 2.4 m/s" in file.read_text()
-    found = rosco().read_DISCON(str(file))
-    assert (int(found["VS_ControlMode"]), int(found["VS_FBP"])) == (4, 3)
-    speed, torque = np.array(found["VS_FBP_Omega"]), np.array(found["VS_FBP_Tau"])
+    inputs = rosco().read_DISCON(str(file))
+    assert (int(inputs["VS_ControlMode"]), int(inputs["VS_FBP"])) == (4, 3)
+    speed, torque = np.array(inputs["VS_FBP_Omega"]), np.array(inputs["VS_FBP_Tau"])
     np.testing.assert_allclose(torque, 22.0 * speed**1.5, rtol=1e-8)
     assert np.all(np.diff(torque) > 0.0)
 
 
 def test_a_torque_that_falls_is_refused_with_the_reason(tmp_path):
     solution = with_law(tmp_path, "{law: power_law, exponent: -0.5}", 1700.0, ["N*m"])
-    with pytest.raises(InputError, match="has to increase") as told:
+    with pytest.raises(InputError, match="has to increase") as caught:
         exported(solution, tmp_path)
-    assert (told.value.key, told.value.value) == ("--to", "rosco")
+    assert (caught.value.key, caught.value.value) == ("--to", "rosco")
     assert not (tmp_path / "out").exists()
 
 

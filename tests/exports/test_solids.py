@@ -26,12 +26,12 @@ design: {{chord_points: 9, twist_points: 9, thickness_points: 9}}""",
 }
 
 
-def make_design(folder, text, **told):
-    """Return the design of a result: the blade with which a case begins; `told` its summary."""
+def make_design(folder, text, **entries):
+    """Return the design of a result: the blade with which a case begins; `entries`: its summary."""
     case = f"name: made\ninflow: sine\ncontrol: quadratic\n{text}\n"
     if "station_count: 12" in text:
-        told["thickness_over_chord"] = np.linspace(0.22, 0.13, 12)
-    return made(folder / "result", case, [11.0], **told).design()
+        entries["thickness_over_chord"] = np.linspace(0.22, 0.13, 12)
+    return made(folder / "result", case, [11.0], **entries).design()
 
 
 QUICK, *OTHERS = ROTORS
@@ -64,8 +64,8 @@ def expected_outlines(design):
     """Return the outline of each station over its chord, at 101 fractions of it."""
     sides = np.array([each.resampled(FRACTIONS[::2]) for each in design.turbine.outlines])
     if design.blade.thickness is not None:
-        own = [each.thickness for each in design.turbine.outlines]
-        sides = over_thickness(own, sides)(design.blade.thickness)
+        thicknesses = [each.thickness for each in design.turbine.outlines]
+        sides = over_thickness(thicknesses, sides)(design.blade.thickness)
     sides = np.broadcast_to(sides, (design.blade.r.size, *sides.shape[1:]))
     return [Outline.of_sides(*each) for each in sides]
 
@@ -111,14 +111,14 @@ def test_blade_rotor_and_hub_are_closed_bodies(design, hub):
 
 
 def test_volume_is_the_integral_of_the_section_area(design):
-    own = volume_of(design)
+    expected = volume_of(design)
     sharp = mesh(files(design, "stl", "trailing_edge=0")["blade.stl"])
     assert sharp.is_volume
-    assert sharp.volume == pytest.approx(own, rel=1e-3)
+    assert sharp.volume == pytest.approx(expected, rel=1e-3)
     made = files(design, "stl")
-    assert own < mesh(made["blade.stl"]).volume < 1.01 * own
-    (told,) = re.findall(rb"integral of the outlines along the span: (\S+) m", made["stl.txt"])
-    assert float(told) == pytest.approx(own, rel=1e-4)
+    assert expected < mesh(made["blade.stl"]).volume < 1.01 * expected
+    (volume,) = re.findall(rb"integral of the outlines along the span: (\S+) m", made["stl.txt"])
+    assert float(volume) == pytest.approx(expected, rel=1e-4)
 
 
 def test_slices_of_the_blade_give_its_chord_and_twist(design):
@@ -135,13 +135,13 @@ def test_slices_of_the_blade_give_its_chord_and_twist(design):
             assert np.sin(2.0 * one - two - twist) == pytest.approx(0.0, abs=2e-6)
 
 
-@pytest.mark.parametrize(("rotation", "about_x"), [("clockwise", 1.0), ("anticlockwise", -1.0)])
-def test_leading_edges_lead_and_the_lift_drives(paper, rotation, about_x):
+@pytest.mark.parametrize(("rotation", "sense"), [("clockwise", 1.0), ("anticlockwise", -1.0)])
+def test_leading_edges_lead_and_the_lift_drives(paper, rotation, sense):
     body = mesh(files(paper, "stl", f"rotation={rotation}")["rotor.stl"])
     assert body.is_volume
     for n, turn in enumerate(2.0 * np.pi * np.arange(3) / 3):
         axis = np.array([0.0, -np.sin(turn), np.cos(turn)])
-        velocity = np.cross([about_x, 0.0, 0.0], axis)
+        velocity = np.cross([sense, 0.0, 0.0], axis)
         section = body.section(plane_normal=axis, plane_origin=0.3 * axis).discrete
         (loop,) = [each for each in section if abs(np.mean(each @ axis) - 0.3) < 1e-3][:1]
         flat = np.column_stack((loop[:, 0], loop @ velocity))  # along the flow and the motion
@@ -206,8 +206,8 @@ def test_polars_without_outlines_are_refused(tmp_path):
     polar = CASES / "examples/files/naca4412_polars.csv"
     blade = tmp_path / "blade.csv"
     blade.write_text("r_m,chord_m,twist_deg\n0.2,0.1,20\n0.5,0.08,8\n0.8,0.06,4\n1,0.05,2\n")
-    own = f"blade: {blade}, polar: {polar}, radius: 1.05, hub_radius_fraction: 0.1"
-    one = make_design(tmp_path / "one", f"rotor: {{{own}}}")
+    rotor = f"blade: {blade}, polar: {polar}, radius: 1.05, hub_radius_fraction: 0.1"
+    one = make_design(tmp_path / "one", f"rotor: {{{rotor}}}")
     for name in ("stl", "step", "sections"):
         with pytest.raises(InputError, match="stl, step and sections need it") as error:
             files(one, name)
@@ -271,9 +271,9 @@ def test_loft_goes_through_the_sections(design):
     r = step.radii(design)
     points = step.stations(design, r)
     poles, (around, along) = lofted(points, r)
-    found = BSpline(along, np.moveaxis(poles, 1, 0), DEGREE)(r)
-    assert np.max(np.linalg.norm(points[:, [0, -1]] - found[:, [0, -1]], axis=-1)) < 1e-9
-    fine = BSpline(around, np.moveaxis(found, 1, 0), DEGREE)(np.linspace(0.0, 1.0, 20001))
+    surface = BSpline(along, np.moveaxis(poles, 1, 0), DEGREE)(r)
+    assert np.max(np.linalg.norm(points[:, [0, -1]] - surface[:, [0, -1]], axis=-1)) < 1e-9
+    fine = BSpline(around, np.moveaxis(surface, 1, 0), DEGREE)(np.linspace(0.0, 1.0, 20001))
     for row, section in zip(np.moveaxis(fine, 1, 0), points, strict=True):
         chord = np.linalg.norm(section[0] - section[section.shape[0] // 2])
         nearest = np.min(np.linalg.norm(section[::10, None] - row, axis=2), axis=1)

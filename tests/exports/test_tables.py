@@ -77,13 +77,13 @@ def test_numbers_read_back_bit_by_bit(name, request, tmp_path):
         with xarray.open_dataset(tmp_path / "result.nc", group=table.name) as group:
             assert list(frame) == list(table.columns)
             assert set(frame) == set(group.variables)
-            for column, told in values(table).items():
-                about, kind = table.columns[column], str if told.dtype.kind == "U" else float
+            for column, array in values(table).items():
+                spec, kind = table.columns[column], str if array.dtype.kind == "U" else float
                 in_json = data["tables"][table.name]["columns"][column]
                 for other in (frame[column], group[column], in_json["values"]):
-                    np.testing.assert_array_equal(told, np.array(other, dtype=kind))
-                assert group[column].attrs == {"units": about.unit or "1", "long_name": about.text}
-                assert (in_json["unit"], in_json["long_name"]) == (about.unit, about.text)
+                    np.testing.assert_array_equal(array, np.array(other, dtype=kind))
+                assert group[column].attrs == {"units": spec.unit or "1", "long_name": spec.text}
+                assert (in_json["unit"], in_json["long_name"]) == (spec.unit, spec.text)
 
 
 BLADES = {
@@ -114,27 +114,27 @@ def test_loads_of_the_stations_sum_to_torque_and_thrust(name, tmp_path):
     # axis
     text, gains = BLADES[name]
     solution = made(tmp_path / "result", text, gains)
-    found, design = by_name(solution), solution.design()
-    cases, loads, blade = values(found["load_cases"]), values(found["station_loads"]), design.blade
+    data, design = by_name(solution), solution.design()
+    cases, loads, blade = values(data["load_cases"]), values(data["station_loads"]), design.blade
     edges = np.concatenate(([blade.hub_radius], blade.r, [blade.tip_radius]))
     weights = 0.5 * (edges[2:] - edges[:-2]) * blade.blade_count
     cosine, density = np.cos(blade.cone), design.physics.density
     assert (cosine < 0.997) == (name == "coned")
     columns = (cases[each] for each in ("load_case", "inflow_speed_m_s", "tip_speed_ratio"))
     for number, flow, ratio in zip(*columns, strict=True):
-        own = loads["load_case"] == number
-        known = design.physics.rotor.at_flow(flow).coefficients(blade, [ratio])
+        rows = loads["load_case"] == number
+        rotor = design.physics.rotor.at_flow(flow).coefficients(blade, [ratio])
         unit = torque_scale(density, blade.rotor_radius, flow)
-        torque = weights @ (loads["tangential_load_N_m"][own] * blade.r * cosine)
-        thrust = weights @ (loads["normal_load_N_m"][own] * cosine)
-        assert torque == pytest.approx(float(known.torque[0]) * unit, rel=1e-11)
-        assert thrust == pytest.approx(float(known.thrust[0]) * unit / blade.rotor_radius, 1e-11)
-        speed = loads["relative_speed_m_s"][own]
+        torque = weights @ (loads["tangential_load_N_m"][rows] * blade.r * cosine)
+        thrust = weights @ (loads["normal_load_N_m"][rows] * cosine)
+        assert torque == pytest.approx(float(rotor.torque[0]) * unit, rel=1e-11)
+        assert thrust == pytest.approx(float(rotor.thrust[0]) * unit / blade.rotor_radius, 1e-11)
+        speed = loads["relative_speed_m_s"][rows]
         reynolds = speed * blade.chord / design.physics.case.fluid.kinematic_viscosity
-        np.testing.assert_allclose(loads["reynolds_number"][own], reynolds)
-    np.testing.assert_array_equal(values(found["blade"])["chord_m"], blade.chord)
+        np.testing.assert_allclose(loads["reynolds_number"][rows], reynolds)
+    np.testing.assert_array_equal(values(data["blade"])["chord_m"], blade.chord)
     if name == "designed thickness":
-        thickness = values(found["blade"])["thickness_over_chord"]
+        thickness = values(data["blade"])["thickness_over_chord"]
         np.testing.assert_array_equal(thickness, blade.thickness)
 
 
@@ -153,16 +153,16 @@ def test_steady_operation_is_a_balance_of_torques(quadratic):
     np.testing.assert_allclose(design.law.torque(speed, design.gains), torque, rtol=1e-12)
     np.testing.assert_allclose(operation["hydrodynamic_power_W"], torque * speed, rtol=1e-14)
     np.testing.assert_allclose(operation["control_torque_over_limit"], torque / 700.0, rtol=1e-14)
-    world = design.physics
-    spline = TorqueSpline(RATIOS * world.rotor.best_operation(design.blade).tip_speed_ratio)
-    table = world.rotor.coefficients(design.blade, spline.nodes).torque
-    quasi = QuasiSteady.of(world, design.blade, spline.curve(table))
-    known = quasi.operate(design.gains)
+    model = design.physics
+    spline = TorqueSpline(RATIOS * model.rotor.best_operation(design.blade).tip_speed_ratio)
+    table = model.rotor.coefficients(design.blade, spline.nodes).torque
+    quasi = QuasiSteady.of(model, design.blade, spline.curve(table))
+    balance = quasi.operate(design.gains)
     flow = operation["inflow_speed_m_s"]
     assert (flow[0], flow[-1]) == (1.04, 2.04)
     inside = (flow > 1.31) & (flow < 1.69)
     order = np.argsort(quasi.inflow_speed)
-    expected = np.interp(flow[inside], quasi.inflow_speed[order], known.rotor_speed[order])
+    expected = np.interp(flow[inside], quasi.inflow_speed[order], balance.rotor_speed[order])
     np.testing.assert_allclose(speed[inside], expected, rtol=1e-5)
 
 
@@ -195,8 +195,8 @@ def test_flow_range_is_an_option(quadratic, tmp_path):
 def test_steady_operation_of_a_year_lies_between_cut_in_and_cut_out(tmp_path):
     year = "resource: {profile: histogram, speeds: [0.5, 1.9], hours: [1, 1], cut_in: 0.7}"
     case = QUADRATIC.replace("inflow: sine", year).replace("700}", "700, cut_out: 2.0}")
-    found = by_name(made(tmp_path / "year", case, [11.0]))
-    assert values(found["operation"])["inflow_speed_m_s"][[0, -1]] == pytest.approx([0.7, 2.0])
+    data = by_name(made(tmp_path / "year", case, [11.0]))
+    assert values(data["operation"])["inflow_speed_m_s"][[0, -1]] == pytest.approx([0.7, 2.0])
 
 
 def test_the_stricter_limit_of_two_scenarios_counts(scenarios):
@@ -206,18 +206,18 @@ def test_the_stricter_limit_of_two_scenarios_counts(scenarios):
 
 def test_open_loop_has_its_recorded_operation_only(tmp_path):
     solution = made(tmp_path / "result", OPEN_LOOP)
-    found = by_name(solution)
-    assert "operation" not in found
-    cases = values(found["load_cases"])
+    data = by_name(solution)
+    assert "operation" not in data
+    cases = values(data["load_cases"])
     assert sum(name.startswith("recorded at") for name in cases["name"]) == 5
     assert all(np.isin(cases["time_s"], solution.simulation["time_s"]))
 
 
 def test_coefficients_reach_beyond_the_operation(quadratic):
-    found, design = values(by_name(quadratic)["coefficients"]), quadratic.design()
-    ratio = found["tip_speed_ratio"]
+    table, design = values(by_name(quadratic)["coefficients"]), quadratic.design()
+    ratio = table["tip_speed_ratio"]
     assert ratio[0] == 0.5
     assert ratio[-1] >= 1.9 * np.max(quadratic.trajectory["tip_speed_ratio"])
-    known = design.physics.rotor.coefficients(design.blade, ratio)
-    np.testing.assert_array_equal(found["power_coefficient"], known.power)
-    np.testing.assert_allclose(found["power_coefficient"], found["torque_coefficient"] * ratio)
+    expected = design.physics.rotor.coefficients(design.blade, ratio)
+    np.testing.assert_array_equal(table["power_coefficient"], expected.power)
+    np.testing.assert_allclose(table["power_coefficient"], table["torque_coefficient"] * ratio)

@@ -87,10 +87,10 @@ def test_windio_validates_it_and_this_program_reads_the_same_rotor(turbine):
         np.testing.assert_allclose(getattr(read.blade, name), getattr(blade, name), atol=1e-12)
     ratio = np.linspace(0.5, 15.0, 59)
     rotor = read.rotor if case.rotor.reynolds == "invariant" else read.rotor.at_flow(1.4)
-    own = design.physics.rotor.at_flow(1.4).coefficients(blade, ratio)
+    expected = design.physics.rotor.at_flow(1.4).coefficients(blade, ratio)
     other = rotor.coefficients(read.blade, ratio)
-    np.testing.assert_allclose(other.power, own.power, atol=1e-7)
-    np.testing.assert_allclose(other.thrust, own.thrust, atol=1e-7)
+    np.testing.assert_allclose(other.power, expected.power, atol=1e-7)
+    np.testing.assert_allclose(other.thrust, expected.thrust, atol=1e-7)
     mass = design.physics.rotor.mass_and_inertia(blade)
     np.testing.assert_allclose(read.rotor.mass_and_inertia(read.blade), mass, rtol=5e-4)
     np.testing.assert_allclose(read.rotor.thickness_of(read.blade), design.thickness, rtol=1e-9)
@@ -107,8 +107,8 @@ def test_it_says_what_the_schema_has_no_key_for(turbine):
     assert f"depth of the hub {depth}." in data["comments"]
     assert ("TURNED DOWNSTREAM by cone_angle" in data["comments"]) == (design.blade.cone < 0.0)
     placeholder = "COORDINATES ARE A PLACEHOLDER: rotor.outline is not given"
-    given = solution.case.rotor.polar is None or solution.case.rotor.outline is not None
-    assert (placeholder in data["comments"]) == (not given)
+    has_outline = solution.case.rotor.polar is None or solution.case.rotor.outline is not None
+    assert (placeholder in data["comments"]) == (not has_outline)
     shape = data["components"]["blade"]["outer_shape"]
     offset = 0.3 * np.array(shape["chord"]["values"])
     np.testing.assert_allclose(shape["section_offset_y"]["values"], offset)
@@ -123,24 +123,24 @@ def test_the_airfoils_are_those_of_the_stations(turbine):
     _, design, _, data = turbine
     written = {each["name"]: each for each in data["airfoils"]}
     positions = data["components"]["blade"]["outer_shape"]["airfoils"]
-    place = [each["spanwise_position"] for each in positions]
-    assert (place[0], place[-1]) == (0.0, 1.0)
-    blade, known = design.blade, design.plant.polar.stations(design.blade)
+    grid = [each["spanwise_position"] for each in positions]
+    assert (grid[0], grid[-1]) == (0.0, 1.0)
+    blade, by_station = design.blade, design.plant.polar.stations(design.blade)
     span = (blade.r - blade.hub_radius) / (blade.tip_radius - blade.hub_radius)
     outlines = {n: each.outline for each in airfoils(design) for n in each.stations}
     for station, outline in sorted(outlines.items()):
-        at = np.searchsorted(place, span[station] - 1e-12)
+        at = np.searchsorted(grid, span[station] - 1e-12)
         airfoil = written[positions[at]["name"]]
         sets = airfoil["polars"][0]["re_sets"]
-        polars = known[station]
+        polars = by_station[station]
         assert len(sets) == len(polars)
         if design.physics.case.rotor.polar is None and not design.physics.case.rotor.sections:
             assert [each["re"] for each in sets] == [2e5]  # of the shipped polar
-        for each, polar in zip(sets, polars, strict=True):
-            alpha, probes = np.deg2rad(each["cl"]["grid"]), np.linspace(-3.1, 3.1, 777)
-            for name, own in zip(("cl", "cd"), polar.evaluate(probes), strict=True):
-                curve = CubicSpline(alpha, each[name]["values"], bc_type="periodic")
-                np.testing.assert_allclose(curve(probes), own, atol=1e-6)
+        for table, polar in zip(sets, polars, strict=True):
+            alpha, probes = np.deg2rad(table["cl"]["grid"]), np.linspace(-3.1, 3.1, 777)
+            for name, expected in zip(("cl", "cd"), polar.evaluate(probes), strict=True):
+                curve = CubicSpline(alpha, table[name]["values"], bc_type="periodic")
+                np.testing.assert_allclose(curve(probes), expected, atol=1e-6)
         x, y = (np.array(airfoil["coordinates"][name]) for name in "xy")
         assert Outline(x, y).area == pytest.approx(outline.area, rel=3e-4)
         # thickness is linear between sections; that of the outline between them is a bit less
@@ -183,20 +183,20 @@ def read_by_wisdem(path, folder, n_span, n_aoa):
     read = WindTurbineOntologyPython(str(path), str(options), str(analysis))
     turbine, modeling, optimization = read.get_input_data()
     shape = turbine["components"]["blade"]["outer_shape"]
-    found = defaultdict(lambda: np.zeros(len(shape["airfoils"])))
+    inputs = defaultdict(lambda: np.zeros(len(shape["airfoils"])))
     aero = optimization["design_variables"]["blade"]["aero_shape"]
-    assign_outer_shape_values(found, modeling, aero, shape)
-    assign_airfoil_values(found, modeling, shape["airfoils"], turbine["airfoils"])
-    return found
+    assign_outer_shape_values(inputs, modeling, aero, shape)
+    assign_airfoil_values(inputs, modeling, shape["airfoils"], turbine["airfoils"])
+    return inputs
 
 
-def power_by_wisdem(blade, found, airfoil):
+def power_by_wisdem(blade, inputs, airfoil):
     """Return power coefficients at some tip speed ratios by WISDEM's CCBlade."""
     from wisdem.ccblade.ccblade import CCBlade
 
-    span, ratio = found["blade.outer_shape.s"][1:-1], np.arange(4.0, 9.0)
+    span, ratio = inputs["blade.outer_shape.s"][1:-1], np.arange(4.0, 9.0)
     r = blade.hub_radius + span * (blade.tip_radius - blade.hub_radius)
-    chord, twist = (found[f"blade.outer_shape.{name}"][1:-1] for name in ("chord", "twist"))
+    chord, twist = (inputs[f"blade.outer_shape.{name}"][1:-1] for name in ("chord", "twist"))
     shape = r, chord, twist, [airfoil] * r.size, blade.hub_radius, blade.tip_radius
     rotor = CCBlade(*shape, blade.blade_count, 1000.0, 1e-3, nSector=1, derivatives=False)
     speed = ratio * 1.5 / blade.tip_radius * 30.0 / np.pi  # rpm
@@ -217,19 +217,19 @@ def test_wisdem_reads_it_interpolates_and_smooths(tmp_path):
     blade, errors, powers = design.blade, [], []
     span = (blade.r - blade.hub_radius) / (blade.tip_radius - blade.hub_radius)
     for n_span, n_aoa in ((30, 200), (300, 2000)):
-        found = read_by_wisdem(path, tmp_path, n_span, n_aoa)
-        s, angle = found["blade.outer_shape.s"], np.deg2rad(found["airfoils.aoa"])
-        chord, twist = (found[f"blade.outer_shape.{name}"] for name in ("chord", "twist"))
-        lift, drag, moment = (found[f"airfoils.{name}"][0] for name in ("cl", "cd", "cm"))
+        inputs = read_by_wisdem(path, tmp_path, n_span, n_aoa)
+        s, angle = inputs["blade.outer_shape.s"], np.deg2rad(inputs["airfoils.aoa"])
+        chord, twist = (inputs[f"blade.outer_shape.{name}"] for name in ("chord", "twist"))
+        lift, drag, moment = (inputs[f"airfoils.{name}"][0] for name in ("cl", "cd", "cm"))
         off = PchipInterpolator(s, twist)(span) - np.rad2deg(blade.twist)
         relative = PchipInterpolator(s, chord)(span) / blade.chord - 1.0
         errors.append(np.max(np.abs([relative, off]), axis=1))
         exact = Airfoil(angle, lift[:, 0], drag[:, 0])
-        smooth = CCAirfoil(found["airfoils.aoa"], found["airfoils.Re"], lift, drag, moment)
+        smooth = CCAirfoil(inputs["airfoils.aoa"], inputs["airfoils.Re"], lift, drag, moment)
         for airfoil in (exact, smooth):
-            ratio, power = power_by_wisdem(blade, found, airfoil)
-            own = design.physics.rotor.coefficients(blade, ratio).power
-            powers.append(np.max(np.abs(power / own - 1.0)))
+            ratio, power = power_by_wisdem(blade, inputs, airfoil)
+            expected = design.physics.rotor.coefficients(blade, ratio).power
+            powers.append(np.max(np.abs(power / expected - 1.0)))
     assert np.all(errors[1] < 0.2 * errors[0])
     assert np.all(errors[1] < [1e-3, 2e-2])
     coarse, coarse_smooth, fine, fine_smooth = powers
