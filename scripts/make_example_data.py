@@ -86,14 +86,14 @@ def naca44(thickness):
     y_t = 5 t (0.2969 √x - 0.1260 x - 0.3516 x² + 0.2843 x³ - 0.1036 x⁴), the last coefficient the
     one that closes the trailing edge; the mean line is two parabolas that meet at x = 0.4.
     """
-    camber, place = 0.04, 0.4
+    camber, peak = 0.04, 0.4
     x = cosine(INTERVALS)
     half = np.polynomial.Polynomial((0.0, -0.1260, -0.3516, 0.2843, -0.1036))(x)
     half = 5.0 * thickness * (0.2969 * np.sqrt(x) + half)
     half[-1] = 0.0
-    parabola = camber / np.where(x < place, place, 1.0 - place) ** 2
-    mean = parabola * (np.where(x < place, 0.0, 1.0 - 2.0 * place) + 2.0 * place * x - x**2)
-    return wrap(x, half, mean, 2.0 * parabola * (place - x))
+    parabola = camber / np.where(x < peak, peak, 1.0 - peak) ** 2
+    mean = parabola * (np.where(x < peak, 0.0, 1.0 - 2.0 * peak) + 2.0 * peak * x - x**2)
+    return wrap(x, half, mean, 2.0 * parabola * (peak - x))
 
 
 def naca63424():
@@ -107,8 +107,8 @@ def naca63424():
     thin, middle, thick = (np.array(HALF_THICKNESS[percent]) for percent in (15, 18, 21))
     half = 0.01 * (thin - 3.0 * middle + 3.0 * thick)
     # Over √x a round nose is no more singular, and odd: no curvature at zero.
-    place = np.sqrt(0.01 * np.array(STATION))
-    thickness = CubicSpline(place, half, bc_type=((2, 0.0), "not-a-knot"))
+    root = np.sqrt(0.01 * np.array(STATION))
+    thickness = CubicSpline(root, half, bc_type=((2, 0.0), "not-a-knot"))
 
     x = cosine(20 * INTERVALS)
     inside, held = x[1:-1], np.clip(x, 0.005, 0.995)
@@ -146,11 +146,11 @@ def polar(outline, reynolds):
     """Return alpha (deg), lift, drag, moment by rows, and NeuralFoil's confidence."""
     import neuralfoil
 
-    found = neuralfoil.get_aero_from_coordinates(
+    result = neuralfoil.get_aero_from_coordinates(
         outline, alpha=ALPHA, Re=reynolds, n_crit=9.0, model_size="xlarge"
     )
-    table = np.column_stack((ALPHA, found["CL"], found["CD"], found["CM"]))
-    return table, found["analysis_confidence"]
+    table = np.column_stack((ALPHA, result["CL"], result["CD"], result["CM"]))
+    return table, result["analysis_confidence"]
 
 
 def river_blade(alpha, lift):

@@ -66,13 +66,13 @@ def reproduce(
 
     def run(plan):
         folders = {out / "cases" / name: case for name, case in plan.items()}
-        found = run_batch(folders, jobs, lambda path, word: report(f"case {path.name}: {word}"))
-        if lost := [path.name for path, solution in found.items() if solution is None]:
+        results = run_batch(folders, jobs, lambda path, word: report(f"case {path.name}: {word}"))
+        if lost := [path.name for path, solution in results.items() if solution is None]:
             raise InputError(f"could not run {', '.join(lost)}", file=out / "cases")
-        return {path.name: solution for path, solution in found.items()}
+        return {path.name: solution for path, solution in results.items()}
 
-    world = physics(shipped["sine_oloc"])
-    best = world.rotor.best_of_shape(world.shape, world.blade).blade
+    physics_ = physics(shipped["sine_oloc"])
+    best = physics_.rotor.best_of_shape(physics_.shape, physics_.blade).blade
     solutions = run(shipped | {
         f"{scenario}_sequential_{law}": with_blade(
             shipped[f"{scenario}_{law}"], best.chord, np.rad2deg(best.twist), "fixed"
@@ -92,7 +92,7 @@ def _ensembles(out, repeats, seed, jobs, report):
     """Return every simulation in a flow that a design was not made for, by name."""
     folder = out / "uncertainty"
     folder.mkdir(parents=True, exist_ok=True)
-    found, waiting, stamps = {}, {}, {}
+    results, waiting, stamps = {}, {}, {}
     for law, flow, sensor in product(LAWS, FLOWS, (None, *SENSORS)):
         if law == "oloc" and sensor:
             continue  # it reads none
@@ -101,19 +101,19 @@ def _ensembles(out, repeats, seed, jobs, report):
         made_of += (source / "summary.json").read_bytes() + (source / "trajectory.csv").read_bytes()
         stamps[key] = hashlib.sha256(made_of).hexdigest()
         try:
-            found[key] = json.loads((folder / f"{key}.json").read_text(encoding="utf-8"))
+            results[key] = json.loads((folder / f"{key}.json").read_text(encoding="utf-8"))
         except (OSError, ValueError):
-            found[key] = {}
-        if found[key].get("stamp") != stamps[key]:
+            results[key] = {}
+        if results[key].get("stamp") != stamps[key]:
             waiting[key] = partial(_one_ensemble, source, flow, sensor, repeats, seed)
 
     def ended(key, future):
-        found[key] = future.result() | {"stamp": stamps[key]}
-        write_json(folder / f"{key}.json", found[key])
+        results[key] = future.result() | {"stamp": stamps[key]}
+        write_json(folder / f"{key}.json", results[key])
         report(f"uncertainty: {key}")
 
     in_processes(waiting.items(), jobs, ended)
-    return found
+    return results
 
 
 def _one_ensemble(source, flow, sensor, repeats, seed):
@@ -150,18 +150,18 @@ def main():
     parser.add_argument("--jobs", type=int, help="processes; default: one a core")
     parser.add_argument("--repeats", type=int, default=20, help="noisy runs of each design")
     parser.add_argument("--seed", type=int, default=1, help="of their random numbers")
-    given, began = parser.parse_args(), time.perf_counter()
+    args, began = parser.parse_args(), time.perf_counter()
 
     def report(line):
         print(f"[{time.perf_counter() - began:7.1f} s] {line}", flush=True)
 
-    data = reproduce(given.out, given.cases, given.jobs, given.repeats, given.seed, report)
+    data = reproduce(args.out, args.cases, args.jobs, args.repeats, args.seed, report)
     failed = [check for check in data["checks"] if not check["passed"]]
     print(f"{len(data['checks']) - len(failed)} of {len(data['checks'])} checks hold")
     for check in failed:
         expected = f"expected {check['low']} to {check['high']}"
         print(f"  not: {check['statement']} = {check['value']}, {expected}")
-    print(f"Report: {given.out / 'report.html'}")
+    print(f"Report: {args.out / 'report.html'}")
     sys.exit(3 if failed else 0)
 
 

@@ -110,9 +110,9 @@ def write_report(solutions: dict, ensembles: dict, out: Path, report: Callable) 
         shown[number] = f"![{caption}](figures/{name}.png)\n\n*{caption}*"
     style.save(figures, out / "figures", ("png", "pdf"))
     report(f"{len(figures)} figures")
-    about = {"title": TITLE, "titles": TITLES, "labels": LABELS, "figures": shown} | data
-    about["number"] = _number
-    text = rendered(Path(__file__).with_name("paper_report.md"), **about)
+    values = {"title": TITLE, "titles": TITLES, "labels": LABELS, "figures": shown} | data
+    values["number"] = _number
+    text = rendered(Path(__file__).with_name("paper_report.md"), **values)
     write_json(out / "paper.json", data)
     write_files({out / "report.md": text})
     write_files({out / "report.html": text_page(TITLE, text, out)})

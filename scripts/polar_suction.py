@@ -30,23 +30,23 @@ DECIMALS = 4
 def pressures():
     """Return cpmin[2, n_rows] of every shipped polar by its name."""
     rows = shipped_table("cylinder", "polar")
-    found = {"cylinder": np.full((2, rows.size), CYLINDER)}
+    minima = {"cylinder": np.full((2, rows.size), CYLINDER)}
     for section, polars in POLAR_FAMILIES.items():
         outline = Outline.from_file(section)
         for polar in polars:
             table = shipped_table(polar, "polar")
             alpha = np.deg2rad(table["alpha_deg"])
-            found[polar] = -potential_suction(outline, alpha, table["cl"])
-    return found
+            minima[polar] = -potential_suction(outline, alpha, table["cl"])
+    return minima
 
 
 def with_pressures(text, pressure):
     """Return a polar's CSV text with the two columns in place of those it may have."""
     header, *rows = (line.split(",") for line in text.splitlines())
-    kept = [place for place, name in enumerate(header) if name not in SURFACES]
+    kept = [column for column, name in enumerate(header) if name not in SURFACES]
     numbers = [[f"{number + 0.0:.{DECIMALS}f}" for number in row] for row in pressure.T]
     lines = [
-        [*(line[place] for place in kept), *new]
+        [*(line[column] for column in kept), *new]
         for line, new in zip((header, *rows), (SURFACES, *numbers), strict=True)
     ]
     return "".join(",".join(line) + "\n" for line in lines)

@@ -49,7 +49,7 @@ def main():
         for optimizer in optimizers
     }
     console = Console(width=150)
-    found = run_batch(
+    solutions = run_batch(
         cases, arguments.jobs, lambda folder, word: console.print(f"  {folder}: {word}")
     )
 
@@ -63,7 +63,7 @@ def main():
     )
     good = True
     for file in files:
-        pair = [found[arguments.out / optimizer / file.stem] for optimizer in optimizers]
+        pair = [solutions[arguments.out / optimizer / file.stem] for optimizer in optimizers]
         if any(solution is None or not solution.success for solution in pair):
             good = False
             words = [solution.summary.message if solution else "not run" for solution in pair]
