@@ -31,18 +31,18 @@ def case_of(control=QUADRATIC, segments=60, duration=None, final_speed="auto", *
 
 def start_of(case, cold=False):
     """Return physics of a case and the setup it begins with; cold: the blade as it is given."""
-    world = physics(case)
-    optimum = best_operation(world.blade, world.rotor.polar) if cold else None
-    start = find_start(world, optimum)
-    return world, Setup(start, curve_nodes(world, start))
+    physics_ = physics(case)
+    optimum = best_operation(physics_.blade, physics_.rotor.polar) if cold else None
+    start = find_start(physics_, optimum)
+    return physics_, Setup(start, curve_nodes(physics_, start))
 
 
-def optimize(world, setup):
+def optimize(physics_, setup):
     """Build and optimize; return the problem, its outcome and the seconds that each step took."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         began = time.perf_counter()
-        problem = assemble(world, setup)
+        problem = assemble(physics_, setup)
         problem.final_setup()
         built = time.perf_counter()
         problem.run_model()
@@ -51,9 +51,9 @@ def optimize(world, setup):
     return problem, problem.driver.outcome(), {"setup": built - began, "driver": ended - built}
 
 
-def integrate(world, problem):
+def integrate(physics_, problem):
     """Return the independent integration of an optimized problem, by which a run checks it."""
-    return verify(collect(world, None, problem, None))[0].simulation
+    return verify(collect(physics_, None, problem, None))[0].simulation
 
 
 class TimedBEM:

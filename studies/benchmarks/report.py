@@ -28,10 +28,10 @@ def seconds(value):
     return f"{value:.3g} s" if value >= 1.0 else f"{1e3 * value:.3g} ms"
 
 
-def whole_case(found):
+def whole_case(values):
     """Return the section on the whole case."""
-    inside, process = found["test_optimization"], found["test_process"]
-    share, start = inside["bem_share"], found["test_start_up"]["times"]
+    inside, process = values["test_optimization"], values["test_process"]
+    share, start = inside["bem_share"], values["test_start_up"]["times"]
     rows = [
         (
             what,
@@ -56,11 +56,11 @@ Start-up: {", ".join(f"`{name}` {seconds(value)}" for name, value in start.items
 """
 
 
-def parts(found):
+def parts(values):
     """Return the section on the other parts of a run, as ratios to what cannot be avoided."""
-    times, cold = found["test_parts_of_a_run"]["times"], found["test_over_the_imports"]["times"]
-    runs = found["test_with_limits"]["times"]
-    memory = found["test_memory"]["ratios"].values()
+    times, cold = values["test_parts_of_a_run"]["times"], values["test_over_the_imports"]["times"]
+    runs = values["test_with_limits"]["times"]
+    memory = values["test_memory"]["ratios"].values()
 
     def over(long, short):
         long, short = runs[long], runs[short]
@@ -70,7 +70,7 @@ def parts(found):
         ("search for the steady optimum and start, 60 segments", times["start"], times),
         *(
             (f"integration, {law}, {within_brackets(name)} segments", of["integration"], of)
-            for name, info in found.items()
+            for name, info in values.items()
             if name.startswith("test_integration")
             for law, of in info["times"].items()
         ),
@@ -101,9 +101,9 @@ Limits: `hkt run cases/limits/all_oloc.yaml` (power, speed, thrust, stress, cavi
 """
 
 
-def iteration(found):
+def iteration(values):
     """Return the section on one NLP iteration and its growth."""
-    times = found["test_over_the_bare_phase"]["times"]
+    times = values["test_over_the_bare_phase"]["times"]
     text = f"""
 ## One NLP iteration
 
@@ -123,7 +123,7 @@ The exponent is that of the evaluation over the last step of each table.
 """
     for what in ("segments", "stations"):
         for limits, word in (("none", ""), ("limits", "With the limits of `limits/all_oloc`:\n\n")):
-            of = found[f"test_growth[{what}-{limits}]"]
+            of = values[f"test_growth[{what}-{limits}]"]
             rows = [
                 (
                     row[what],
@@ -138,7 +138,7 @@ The exponent is that of the evaluation over the last step of each table.
     return text
 
 
-def many(found):
+def many(values):
     """Return the section on problems of many flows."""
     text = """
 ## Many flows
@@ -147,7 +147,7 @@ One problem of flows of a minute (turbulence up to 0.5 Hz, 240 segments each) un
 thrust and stress, with CVaR: columns as above, in processor time.
 """
     for law in ("quadratic", "open_loop"):
-        of = found.get(f"test_growth_of_flows[{law}]", {})
+        of = values.get(f"test_growth_of_flows[{law}]", {})
         if "slopes" not in of:  # it did not come to its end
             continue
         rows = [
@@ -161,13 +161,13 @@ thrust and stress, with CVaR: columns as above, in processor time.
         ]
         header = ("flows", "evaluation", "iteration", "set-up", "memory", "nonzeros of the totals")
         names = {"evaluation": "evaluation", "setup": "set-up", "memory_MB": "memory"}
-        told = ", ".join(f"{word} {of['slopes'][name]:.2f}" for name, word in names.items())
-        told = f"Exponents from {rows[1][0]} flows on: {told}."
-        text += f"\n`{law}`:\n\n{table(header, rows)}\n{told}\n"
+        exponents = ", ".join(f"{word} {of['slopes'][name]:.2f}" for name, word in names.items())
+        exponents = f"Exponents from {rows[1][0]} flows on: {exponents}."
+        text += f"\n`{law}`:\n\n{table(header, rows)}\n{exponents}\n"
     return text
 
 
-def direct(found):
+def direct(values):
     """Return the section on direct BEM against the torque curve."""
     lines = [
         (
@@ -177,7 +177,7 @@ def direct(found):
             *(seconds(value) for value in row["seconds"]),
             " / ".join("yes" if good else "no" for good in row["success"]),
         )
-        for row in found["test_direct_and_curve_agree"]["rows"]
+        for row in values["test_direct_and_curve_agree"]["rows"]
     ]
     header = ("case", "curve / J", "direct differs by", "curve", "direct", "success of each")
     return f"""
@@ -189,11 +189,11 @@ at a time.
 {table(header, lines)}"""
 
 
-def year(found):
+def year(values):
     """Return the section on the co-design of a year."""
     lines = [
         (name, speeds, f"{energy:.0f}", seconds(time), iterations)
-        for name, speeds, energy, time, iterations in found["test_year"]["rows"]
+        for name, speeds, energy, time, iterations in values["test_year"]["rows"]
     ]
     header = ("case", "speeds of the flow", "energy a year / kWh", "time", "last iterations")
     return f"""
@@ -205,10 +205,10 @@ the energy of a year ([year.md](../year.md)); processor time of one core, checks
 {table(header, lines)}"""
 
 
-def peers(found):
+def peers(values):
     """Return the section on what else one might use."""
     rows, ratios = [], []
-    for name, of in found.items():
+    for name, of in values.items():
         if not name.startswith("test_the_same_optimum"):
             continue
         segments, best = within_brackets(name), of["rows"]["CasADi"]
@@ -217,14 +217,14 @@ def peers(found):
             over = f"{energy / best[0] - 1:+.0e}"
             rows.append((segments, method, f"{energy:.2f}", over, count, seconds(time)))
     crossing = []
-    for name, of in found.items():
+    for name, of in values.items():
         if name.startswith("test_slsqp"):
             line = [within_brackets(name)]
             for optimizer in ("IPOPT", "SLSQP"):
                 energy, count, time, good = of["rows"][optimizer]
                 line += [f"{energy:.1f}", f"{count}{'' if good else ' (failed)'}", seconds(time)]
             crossing.append(line)
-    smallest = found["test_the_same_optimum[30]"]["rows"]
+    smallest = values["test_the_same_optimum[30]"]["rows"]
     header = ("segments", "IPOPT / J", "iterations", "time", "SLSQP / J", "iterations", "time")
     return f"""
 ## Peers
@@ -253,9 +253,9 @@ optimized:
 {table(header, crossing)}"""
 
 
-def sweeps(found):
+def sweeps(values):
     """Return the section on sweeps."""
-    of = found["test_workers"]
+    of = values["test_workers"]
     one, two = (of["rates"][workers] for workers in ("1", "2"))
     return f"""
 ## Sweeps
@@ -269,7 +269,7 @@ Two workers do **{two / one:.2f} times** as much as one ({3600 * two:,.0f} again
 """
 
 
-def memory(found):
+def memory(values):
     """Return the section on a wake with memory."""
     rows = [
         (
@@ -277,7 +277,7 @@ def memory(found):
             f"{of['ratio']:.1f}",
             *(seconds(of["times"][model]) for model in ("quasi_steady", "oye")),
         )
-        for name, of in found.items()
+        for name, of in values.items()
         if "with_memory" in name and "ratio" in of
     ]
     return f"""
@@ -295,13 +295,13 @@ def within_brackets(name):
     return name.partition("[")[2].rstrip("]")
 
 
-def figure(found, path):
+def figure(values, path):
     """Draw cost and memory over segments and stations, log-log."""
     from matplotlib.figure import Figure
 
     sheet = Figure(figsize=(8.0, 3.4), layout="constrained")
     for ax, what in zip(sheet.subplots(1, 2), ("segments", "stations"), strict=True):
-        rows = found[f"test_growth[{what}-none]"]["rows"]
+        rows = values[f"test_growth[{what}-none]"]["rows"]
         sizes = [row[what] for row in rows]
         for key, label, unit in (
             ("evaluation", "evaluation, ms", 1e3),
@@ -319,7 +319,7 @@ def figure(found, path):
     sheet.savefig(path, dpi=150)
 
 
-def bem_alone(found):
+def bem_alone(values):
     """Return the section on one call of BEM."""
     rows = [
         (
@@ -328,7 +328,7 @@ def bem_alone(found):
             seconds(of["seconds"]),
             f"{1e9 * of['seconds_per_section']:.0f} ns",
         )
-        for name, of in found.items()
+        for name, of in values.items()
         if "times_faster_than_ccblade" in of
     ]
     header = ("points x stations", "times faster than CCBlade", "a call", "a section and point")
@@ -340,7 +340,7 @@ One core, the fastest of several calls. [bem.md](../studies/bem.md) says what is
 {table(header, rows)}"""
 
 
-def write(found, machine, docs):
+def write(values, machine, docs):
     """Write the document and the figure of what was found, by name of the benchmark."""
     packages = ("openmdao", "dymos", "numpy", "scipy", "numba", "casadi")
     sections = (whole_case, parts, iteration, many, direct, year, memory, sweeps, peers, bem_alone)
@@ -350,10 +350,10 @@ def write(found, machine, docs):
         f"{', '.join(f'{name} {version(name)}' for name in packages)}, "
         f"on {cpu.get('count', '?')} cores of {cpu.get('brand_raw', 'an unnamed processor')}.\n"
     )
-    text = HEAD + "".join(section(found) for section in sections) + end
+    text = HEAD + "".join(section(values) for section in sections) + end
     (docs / "dev").mkdir(parents=True, exist_ok=True)
     (docs / "dev" / "performance.md").write_text(text, encoding="utf-8")
-    figure(found, docs / "images" / "growth.png")
+    figure(values, docs / "images" / "growth.png")
 
 
 if __name__ == "__main__":

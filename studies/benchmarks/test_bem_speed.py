@@ -46,8 +46,8 @@ def check(mine, theirs, blade, polar, ratio, derivatives):
     pairs = [[getattr(each, name) for each in both] for name in ("torque", "power", "thrust")]
     if derivatives:
         pairs += zip(*(each.torque_table[1:] for each in both), strict=True)
-    for place, (ours, reference) in enumerate(pairs):
-        limit = 1e-8 if place < 3 else 1e-6
+    for index, (ours, reference) in enumerate(pairs):
+        limit = 1e-8 if index < 3 else 1e-6
         assert np.max(np.abs(ours - reference)[single]) <= limit * np.max(np.abs(reference))
 
 

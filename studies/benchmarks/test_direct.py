@@ -28,11 +28,11 @@ def test_direct_and_curve_agree(benchmark, full, tmp_path):
             return run_batch(runs)
         return {folder: run_case(case, folder, figures=False) for folder, case in runs.items()}
 
-    found = benchmark.pedantic(run, rounds=1, iterations=1)
+    solutions = benchmark.pedantic(run, rounds=1, iterations=1)
     rows = []
     for path in cases:
         curve, direct = (
-            found[tmp_path / torque / path.stem].summary for torque in ("curve", "direct")
+            solutions[tmp_path / torque / path.stem].summary for torque in ("curve", "direct")
         )
         rows.append(
             {

@@ -100,8 +100,8 @@ def test_over_the_bare_phase(benchmark, full, in_turns, monkeypatch):
     )
     once["bare"] = iteration(built(bare))
     times = in_turns(once, rounds=40 if full else 1)
-    found = in_turns.results
-    np.testing.assert_allclose(found["this"].toarray(), found["openmdao"], rtol=1e-9, atol=1e-9)
+    totals = in_turns.results
+    np.testing.assert_allclose(totals["this"].toarray(), totals["openmdao"], rtol=1e-9, atol=1e-9)
     benchmark.extra_info["times"] = times
     if full:
         assert times["this"] < times["openmdao"]

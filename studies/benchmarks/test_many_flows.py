@@ -31,9 +31,9 @@ def measure(flows, law, duration=60.0):
             "driver": {"max_iterations": 5},
         }
     )
-    world, setup = start_of(case)
+    physics, setup = start_of(case)
     began = time.process_time()
-    problem = assemble(world, setup)
+    problem = assemble(physics, setup)
     problem.final_setup()
     built = time.process_time()
     problem.run_model()

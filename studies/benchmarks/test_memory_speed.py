@@ -23,21 +23,21 @@ def test_a_design_with_memory(name, full, in_turns, benchmark, tmp_path):
     """A law captures more by a model with memory; an open loop may not pulse, and captures less."""
     if not full and name != "quadratic":
         pytest.skip("one case is enough in small")
-    given = {"inflow": "sine"} | CASES[name]
+    data = {"inflow": "sine"} | CASES[name]
 
     def design(model):
-        case = load_case(given, [f"inflow_dynamics={model}", *([] if full else SMALL)])
+        case = load_case(data, [f"inflow_dynamics={model}", *([] if full else SMALL)])
         out = tmp_path / model
         return run_case(case, out, force=True, figures=False, records=False)
 
     models = "quasi_steady", "oye"
     times = in_turns({each: lambda each=each: design(each) for each in models}, 3 if full else 1)
-    found = in_turns.results
+    solutions = in_turns.results
     benchmark.extra_info["times"] = times
     benchmark.extra_info["ratio"] = times["oye"] / times["quasi_steady"]
-    assert all(each.success for each in found.values())
+    assert all(each.success for each in solutions.values())
     if name != "open loop, 700 N m":
-        assert found["oye"].summary.energy_J > found["quasi_steady"].summary.energy_J
+        assert solutions["oye"].summary.energy_J > solutions["quasi_steady"].summary.energy_J
 
 
 def test_a_simulation_with_memory(full, in_turns, benchmark, tmp_path):
@@ -54,7 +54,7 @@ def test_a_simulation_with_memory(full, in_turns, benchmark, tmp_path):
     times = in_turns(simulate, 7 if full else 1)
     benchmark.extra_info["times"] = times
     benchmark.extra_info["ratio"] = times["oye"] / times["quasi_steady"]
-    found = in_turns.results
-    assert found["oye"].energy == pytest.approx(found["quasi_steady"].energy, rel=1e-2)
+    results = in_turns.results
+    assert results["oye"].energy == pytest.approx(results["quasi_steady"].energy, rel=1e-2)
     if full:
         assert benchmark.extra_info["ratio"] < 5.0

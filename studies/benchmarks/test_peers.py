@@ -30,11 +30,11 @@ class Plant:
     def __init__(self, segments, duration):
         # the peers' problem has no condition on the last speed
         case = case_of(OPEN_LOOP, segments, duration, "free", design="{blade: fixed}")
-        self.world, self.setup = start_of(case)
+        self.physics, self.setup = start_of(case)
         self.radius, self.density = case.rotor.radius, case.fluid.density
-        blade, polar, self.nodes = self.world.blade, self.world.rotor.polar, self.setup.nodes
+        blade, polar, self.nodes = self.physics.blade, self.physics.rotor.polar, self.setup.nodes
         self.table = rotor_coefficients(blade, polar, self.nodes).torque
-        _, self.inertia = self.world.rotor.mass_and_inertia(blade)
+        _, self.inertia = self.physics.rotor.mass_and_inertia(blade)
         best = best_operation(blade, polar).tip_speed_ratio
         self.ratio, self.segments, self.duration = FASTER * best, segments, duration
 
@@ -46,9 +46,9 @@ class Plant:
 def by_this_package(plant):
     """Return energy, iterations and seconds; the start is the peers'."""
     began = time.perf_counter()
-    problem = assemble(plant.world, plant.setup)
-    at = plant.world.scenarios[0].samples
-    speed = plant.ratio * plant.world.inflow.speed_at(at) / plant.radius
+    problem = assemble(plant.physics, plant.setup)
+    at = plant.physics.scenarios[0].samples
+    speed = plant.ratio * plant.physics.inflow.speed_at(at) / plant.radius
     phase = problem.model.operation.traj.phases.phase
     phase.set_control_val("rotor_speed", speed, time_vals=at, interpolation_kind="cubic")
     problem.run_model()
@@ -63,7 +63,7 @@ def by_casadi(plant):
     began = time.perf_counter()
     n, step = plant.segments, plant.duration / plant.segments
     at = np.linspace(0.0, plant.duration, 2 * n + 1)  # ends and middles
-    flow, weights = plant.world.inflow.speed_at(at), np.full(2 * n + 1, step / 3.0)
+    flow, weights = plant.physics.inflow.speed_at(at), np.full(2 * n + 1, step / 3.0)
     weights[1::2], weights[[0, -1]] = 2.0 * step / 3.0, step / 6.0
     spline = make_interp_spline(plant.nodes, plant.table, k=3, bc_type="natural")
     unit = float(np.mean(plant.ratio * flow / plant.radius))
@@ -89,10 +89,10 @@ def by_casadi(plant):
     bounds = np.concatenate((np.ones(3 * n), np.zeros(n - 1)))
     low, high = (end * plant.nodes[k] / plant.ratio for k, end in ((0, 1.02), (-1, 0.98)))
     start = plant.ratio * flow / plant.radius / unit
-    found = solver(x0=start, lbx=low * start, ubx=high * start, lbg=0.0 * bounds, ubg=bounds)
+    optimum = solver(x0=start, lbx=low * start, ubx=high * start, lbg=0.0 * bounds, ubg=bounds)
     assert solver.stats()["success"], solver.stats()["return_status"]
     seconds = time.perf_counter() - began
-    return -float(found["f"]) * 0.1 * reference, solver.stats()["iter_count"], seconds
+    return -float(optimum["f"]) * 0.1 * reference, solver.stats()["iter_count"], seconds
 
 
 def by_shooting(plant, iterations):
@@ -100,28 +100,28 @@ def by_shooting(plant, iterations):
     began = time.perf_counter()
     curve = CubicSpline(plant.nodes, plant.table, bc_type="natural")
     knots = np.linspace(0.0, plant.duration, SHOOTING_KNOTS)
-    flow = plant.world.inflow.speed_at(knots)
+    flow = plant.physics.inflow.speed_at(knots)
     first = plant.ratio * flow[0] / plant.radius
     reference = 0.25 * plant.density * np.pi * plant.radius**2 * plant.duration * np.mean(flow**3)
 
     def loss(control):
         def rates(at, state):
-            speed, v = state[0], float(plant.world.inflow.speed_at(at))
+            speed, v = state[0], float(plant.physics.inflow.speed_at(at))
             torque = plant.scale(v) * float(curve(speed * plant.radius / v))
             brake = LIMIT * np.interp(at, knots, control)
             return [(torque - brake) / plant.inertia, torque * speed / reference]
 
-        found = solve_ivp(
+        path = solve_ivp(
             rates, (0.0, plant.duration), [first, 0.0], method="LSODA", rtol=1e-8, atol=1e-10
         )
-        return -10.0 * found.y[1, -1]
+        return -10.0 * path.y[1, -1]
 
     start = plant.scale(flow) * curve(plant.ratio) / LIMIT
-    found = minimize(
+    optimum = minimize(
         loss, start, method="SLSQP", bounds=[(0.0, 1.0)] * knots.size,
         options={"ftol": 1e-9, "eps": 1e-5, "maxiter": iterations},
     )  # fmt: skip
-    return -0.1 * found.fun * reference, found.nit, time.perf_counter() - began
+    return -0.1 * optimum.fun * reference, optimum.nit, time.perf_counter() - began
 
 
 @pytest.mark.parametrize("segments", SIZES)
@@ -132,14 +132,14 @@ def test_the_same_optimum(benchmark, full, in_turns, segments):
     methods = {"hkt_mdo": by_this_package, "CasADi": by_casadi}
     calls = {name: lambda method=method: method(plant) for name, method in methods.items()}
     in_turns(calls, 3 if full else 1)
-    found = dict(in_turns.results)
+    results = dict(in_turns.results)
     if segments == SIZES[0]:
-        found["shooting"] = by_shooting(plant, 100 if full else 1)
+        results["shooting"] = by_shooting(plant, 100 if full else 1)
     if segments == SIZES[0] and full:
         # a coarse torque history and the first second's transient cost a little energy
-        assert found["shooting"][0] == pytest.approx(found["CasADi"][0], rel=2e-3)
-    benchmark.extra_info["rows"] = {name: list(values) for name, values in found.items()}
-    assert found["hkt_mdo"][0] == pytest.approx(found["CasADi"][0], rel=1e-6)
+        assert results["shooting"][0] == pytest.approx(results["CasADi"][0], rel=2e-3)
+    benchmark.extra_info["rows"] = {name: list(values) for name, values in results.items()}
+    assert results["hkt_mdo"][0] == pytest.approx(results["CasADi"][0], rel=1e-6)
 
 
 @pytest.mark.parametrize("segments", [60, 300, 1000])

@@ -18,10 +18,10 @@ def one(case, folder):
     """Return the seconds of a run, and those of its optimization alone, as a worker takes them."""
     alone, solve = [], passes.solve
 
-    def timed(*given, **more):
+    def timed(*arguments, **more):
         began = time.perf_counter()
         try:
-            return solve(*given, **more)
+            return solve(*arguments, **more)
         finally:
             alone.append(time.perf_counter() - began)
 
@@ -58,17 +58,17 @@ def test_workers(benchmark, full, tmp_path):
     share the cores with the workers.
     """
     warm, count = (4, 24) if full else (1, 2)
-    found = {}
+    results = {}
 
     def both():
         for workers in (1, 2):
-            found[workers] = work(tmp_path / str(workers), warm + count, workers, full)
+            results[workers] = work(tmp_path / str(workers), warm + count, workers, full)
 
     benchmark.pedantic(both, rounds=1, iterations=1)
     rates = {}
-    for workers, (ended, _) in found.items():
+    for workers, (ended, _) in results.items():
         rates[workers] = count / (ended[-1] - ended[warm - 1])
-    wholes, alone = zip(*found[1][1][warm:], strict=True)
+    wholes, alone = zip(*results[1][1][warm:], strict=True)
     middle = sorted(whole / part for whole, part in zip(wholes, alone, strict=True))[count // 2]
     benchmark.extra_info |= {
         "whole": sorted(wholes)[count // 2],

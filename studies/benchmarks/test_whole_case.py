@@ -28,22 +28,22 @@ def test_optimization(benchmark, full, in_turns, monkeypatch):
     monkeypatch.setattr(model, "SOLVERS", solvers)
     size = 60 if full else 6
     cases = {name: case_of(segments=size, hydrodynamics=f"{{bem: {name}}}") for name in solvers}
-    world, setup = start_of(cases["vectorized"])
-    solvers["ccblade"](world.blade, world.rotor.polar, setup.nodes[:2])  # imports WISDEM
+    physics, setup = start_of(cases["vectorized"])
+    solvers["ccblade"](physics.blade, physics.rotor.polar, setup.nodes[:2])  # imports WISDEM
     shares = {name: [] for name in cases}
 
     def run(name):
         solvers[name].seconds = 0.0
         began = time.perf_counter()
-        found = optimize(replace(world, case=cases[name]), setup)
+        result = optimize(replace(physics, case=cases[name]), setup)
         shares[name].append(solvers[name].seconds / (time.perf_counter() - began))
-        return found
+        return result
 
     times = in_turns({name: lambda name=name: run(name) for name in cases}, rounds=3 if full else 1)
     energies = {
-        name: float(found[0].get_val("energy")[0]) for name, found in in_turns.results.items()
+        name: float(result[0].get_val("energy")[0]) for name, result in in_turns.results.items()
     }
-    assert all(found[1].success for found in in_turns.results.values())
+    assert all(result[1].success for result in in_turns.results.values())
     assert energies["vectorized"] == pytest.approx(energies["ccblade"], rel=1e-7)
     ratio = times["ccblade"] / times["vectorized"]
     share = {name: statistics.median(values) for name, values in shares.items()}
@@ -52,7 +52,7 @@ def test_optimization(benchmark, full, in_turns, monkeypatch):
         "ratio": ratio,
         "bem_share": share,
         "energies": energies,
-        "iterations": {n: found[1].iterations for n, found in in_turns.results.items()},
+        "iterations": {n: result[1].iterations for n, result in in_turns.results.items()},
     }
     if full:
         assert ratio > 4.0
@@ -168,7 +168,7 @@ def test_process(benchmark, full, in_turns, tmp_path):
         {name: lambda name=name: run(name) for name in ("vectorized", "ccblade")},
         rounds=3 if full else 1,
     )
-    energies = {name: found["simulated_energy_J"] for name, found in in_turns.results.items()}
+    energies = {name: summary["simulated_energy_J"] for name, summary in in_turns.results.items()}
     assert energies["vectorized"] == pytest.approx(energies["ccblade"], rel=1e-6)
     ratio = times["ccblade"] / times["vectorized"]
     benchmark.extra_info |= {"times": times, "ratio": ratio, "energies": energies}

@@ -21,17 +21,17 @@ def test_year(benchmark, full, tmp_path):
     rows = []
 
     def run():
-        for name, about in cases.items():
+        for name, sections in cases.items():
             for width in (0.1, 0.05) if full else (0.2, 0.1):
-                data = {"resource": WEIBULL | {"bin_width": width}, **about}
+                data = {"resource": WEIBULL | {"bin_width": width}, **sections}
                 began = time.process_time()
                 out = tmp_path / f"{name} {width}"
-                found = run_case(load_case(data), out, figures=False, records=False)
+                solution = run_case(load_case(data), out, figures=False, records=False)
                 seconds = time.process_time() - began
-                energy = found.summary.scenarios["phase"].year.energy_kWh
-                speeds = found.simulation["time_s"].size
-                rows.append([name, speeds, energy, seconds, found.summary.iterations])
-                assert found.success, found.message
+                energy = solution.summary.scenarios["phase"].year.energy_kWh
+                speeds = solution.simulation["time_s"].size
+                rows.append([name, speeds, energy, seconds, solution.summary.iterations])
+                assert solution.success, solution.message
 
     benchmark.pedantic(run, rounds=1, iterations=1)
     benchmark.extra_info["rows"] = rows
