@@ -26,21 +26,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--jobs", type=int, help="parallel processes; by default one a core")
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "verification")
     parser.add_argument("--page", type=Path, default=ROOT / "docs" / "studies" / "verification.md")
-    given = parser.parse_args(arguments)
+    args = parser.parse_args(arguments)
     began, number = time.perf_counter(), count(1)
 
     def done(folder: Path, word: str) -> None:
-        place = next(number)
+        index = next(number)
         if word != "reused":
-            print(f"[{time.perf_counter() - began:7.1f} s] {place}: {folder}: {word}", flush=True)
+            print(f"[{time.perf_counter() - began:7.1f} s] {index}: {folder}: {word}", flush=True)
 
     try:
-        for part in given.parts or PARTS:
-            print(run_part(part, given.out, given.count, given.seed, given.jobs, done), flush=True)
-            page = given.page.read_text(encoding="utf-8") if given.page.exists() else ""
-            text = report(given.out, page)
-            given.page.write_text(text, encoding="utf-8")
-            write_files({given.out / "report.html": text_page("Verification", text, given.out)})
+        for part in args.parts or PARTS:
+            print(run_part(part, args.out, args.count, args.seed, args.jobs, done), flush=True)
+            page = args.page.read_text(encoding="utf-8") if args.page.exists() else ""
+            text = report(args.out, page)
+            args.page.write_text(text, encoding="utf-8")
+            write_files({args.out / "report.html": text_page("Verification", text, args.out)})
     except InputError as error:
         raise SystemExit(f"error: {error}") from None
 

@@ -48,9 +48,9 @@ class _Try(NamedTuple):
 def _hkt(*arguments, environment=(), **options) -> subprocess.Popen:
     """Start `hkt run` in a process of its own."""
     env = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONWARNINGS": "ignore"} | dict(environment)
-    told = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
     command = [sys.executable, "-m", "hkt_mdo", "run", *map(str, arguments)]
-    return subprocess.Popen(command, env=env, **told, **options)
+    return subprocess.Popen(command, env=env, **pipes, **options)
 
 
 def _signalled(number, run: _Try) -> subprocess.Popen:
@@ -127,31 +127,31 @@ def faults(study) -> list[str]:
         plans.append((arguments, reference, time.monotonic() - began))
     before = _content(folder)
     tries = []
-    for place, (name, fault) in enumerate(FAULTS.items()):
+    for index, (name, fault) in enumerate(FAULTS.items()):
         # a sixth where every process compiles anew
         for i in range(study.count if fault is not _without_home else -(-study.count // 6)):
             arguments, reference, seconds = plans[i % len(plans)]
-            own = folder / f"{place}_{i:03d}_{time.time_ns()}"
-            rng = np.random.default_rng([study.seed, place, i])
-            tries.append((name, fault, _Try(arguments, own, reference, seconds, rng)))
+            out = folder / f"{index}_{i:03d}_{time.time_ns()}"
+            rng = np.random.default_rng([study.seed, index, i])
+            tries.append((name, fault, _Try(arguments, out, reference, seconds, rng)))
     with ThreadPoolExecutor(study.jobs or os.cpu_count()) as threads:
-        found = list(threads.map(lambda each: _disturb(*each[1:], study.done), tries))
-    rows, told = [], []
+        results = list(threads.map(lambda trial: _disturb(*trial[1:], study.done), tries))
+    rows, failures = [], []
     for name in FAULTS:
-        own = [
+        outcomes = [
             (code, wrong)
-            for (fault, *_), (code, wrong) in zip(tries, found, strict=True)
+            for (fault, *_), (code, wrong) in zip(tries, results, strict=True)
             if fault == name
         ]
-        codes = Counter(code for code, _ in own)
+        codes = Counter(code for code, _ in outcomes)
         ends = ", ".join(f"{count} × {code}" for code, count in sorted(codes.items()))
-        bad = sum(bool(wrong) for _, wrong in own)
-        rows.append([name, str(len(own)), ends, str(len(own) - bad), str(bad)])
-        told += [f"- {name}: {each}" for _, wrong in own for each in wrong]
+        bad = sum(bool(wrong) for _, wrong in outcomes)
+        rows.append([name, str(len(outcomes)), ends, str(len(outcomes) - bad), str(bad)])
+        failures += [f"- {name}: {each}" for _, wrong in outcomes for each in wrong]
     if _content(folder) != before:
-        told.append("- results beside the disturbed runs have changed")
+        failures.append("- results beside the disturbed runs have changed")
     header = "fault", "tries", "exit codes", "nothing lost, nothing false", "anything else"
-    return [*markdown_table(header, rows), "", *told]
+    return [*markdown_table(header, rows), "", *failures]
 
 
 def _content(folder):
@@ -170,23 +170,23 @@ def _disturb(fault, run: _Try, done) -> tuple[int, list[str]]:
     code, energy, wrong = process.returncode, _energy(run.reference), []
     if code not in ENDS or len(said.splitlines()) > (code != 0):
         wrong.append(f"exit code {code}: {said[-300:]}")
-    found = _energy(run.folder)
-    if code == 0 and found is None:  # it may be taken away after the run has finished
-        found = _energy(_away(run.folder))
-    if code == 0 and found is None:
+    captured = _energy(run.folder)
+    if code == 0 and captured is None:  # it may be taken away after the run has finished
+        captured = _energy(_away(run.folder))
+    if code == 0 and captured is None:
         wrong.append("exit code 0 without success")
-    if found is not None and not abs(found / energy - 1.0) <= AGREEMENT:
-        wrong.append(f"called a success at {found:.2f} J instead of {energy:.2f} J")
+    if captured is not None and not abs(captured / energy - 1.0) <= AGREEMENT:
+        wrong.append(f"called a success at {captured:.2f} J instead of {energy:.2f} J")
     again = [*run.arguments, "--out", run.folder]
     if (run.folder / "case.yaml").exists():
         again = ["--resume", run.folder, "--quiet"]
     process = _hkt(*again)
     said, _ = process.communicate()
-    found = _energy(run.folder)
-    if process.returncode or found is None:
+    captured = _energy(run.folder)
+    if process.returncode or captured is None:
         wrong.append(f"then exit code {process.returncode}: {said[-300:]}")
-    elif not abs(found / energy - 1.0) <= AGREEMENT:
-        wrong.append(f"resumed to {found:.2f} J instead of {energy:.2f} J")
+    elif not abs(captured / energy - 1.0) <= AGREEMENT:
+        wrong.append(f"resumed to {captured:.2f} J instead of {energy:.2f} J")
     done(run.folder, "; ".join(wrong) or f"exit code {code}, then ok")
     return code, wrong
 

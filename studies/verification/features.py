@@ -27,19 +27,19 @@ def features(study) -> list[str]:
         overrides += [f"phase.duration={DURATION}", f"name=features{i:03d}"]
         overrides += [f"control.torque_limit={rng.uniform(400.0, 1200.0):.6g}"]
         plan[f"features/{i:03d}_{law}"] = case_file(None, f"sine_limited_{law}", overrides)
-    found = study.run(plan)
+    solutions = study.run(plan)
     rows, wrong = [], []
     groups = ("below 0.1", 0.0, 0.1), ("0.1 to 1", 0.1, 1.0), ("1 to 10", 1.0, np.inf)
     for title, low, high in groups:
         runs = [run for run in plan if low <= widths[run] < high]
-        good = [run for run in runs if found[run] and found[run].success]
-        errors = {run: _error(found[run], widths[run]) for run in good}
+        good = [run for run in runs if solutions[run] and solutions[run].success]
+        errors = {run: _error(solutions[run], widths[run]) for run in good}
         wrong += [
             f"- `{run}`: off by {error:.1e}" for run, error in errors.items() if error > WRONG
         ]
         false = sum(error > WRONG for error in errors.values())
         worst = f"{max(errors.values(), default=0.0):.1e}"
-        segments = [len(found[run].trajectory["time_s"]) // 3 for run in good]
+        segments = [len(solutions[run].trajectory["time_s"]) // 3 for run in good]
         most = f"{np.median(segments):.0f} ({max(segments)})" if segments else "-"
         rows.append([title, f"{len(good)}/{len(runs)}", worst, most, str(false)])
     header = (
@@ -48,7 +48,7 @@ def features(study) -> list[str]:
     )  # fmt: skip
     refused = [
         f"- `{run}`: {solution.message if solution else 'could not be run'}"
-        for run, solution in found.items()
+        for run, solution in solutions.items()
         if solution is None or not solution.success
     ]
     return [*markdown_table(header, rows), "", *wrong, *refused]

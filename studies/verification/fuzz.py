@@ -53,9 +53,9 @@ def _read_mutilated(reader, originals, path, study):
     words, times, errors = Counter(), [], []
 
     def apply(content, edits):
-        for place, length, insertion in edits:
-            place %= len(content) + 1
-            content = content[:place] + insertion + content[place + length :]
+        for offset, length, insertion in edits:
+            offset %= len(content) + 1
+            content = content[:offset] + insertion + content[offset + length :]
         return content
 
     junk = st.one_of(

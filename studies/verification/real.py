@@ -26,9 +26,9 @@ def real_cases():
             design = {"chord_bounds": [0.01, 1.0]}  # those of the paper, as in the whole study
             keys = {"rotor": rotor, "inflow": "sine", "control": control, "design": design}
             case = load_case(keys)
-            world = physics(case)
-            fastest = world.inflow.speed_at(world.scenarios[0].samples).max()
-            limit = LOWERED * torque_scale(world.density, world.blade.rotor_radius, fastest)
+            physics_ = physics(case)
+            fastest = physics_.inflow.speed_at(physics_.scenarios[0].samples).max()
+            limit = LOWERED * torque_scale(physics_.density, physics_.blade.rotor_radius, fastest)
             cases[f"{blade}/{law}"] = case
             cases[f"{blade}/{law}_limited"] = case.with_overrides(f"control.torque_limit={limit:g}")
     return cases

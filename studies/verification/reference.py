@@ -82,7 +82,7 @@ def reference(study) -> list[str]:
         for seed in range(study.seed, study.seed + study.count):
             file = study.out / "reference" / f"{name}_{seed}.json"
             if not file.exists():
-                found = differential_evolution(
+                optimum = differential_evolution(
                     problem,
                     problem.bounds,
                     rng=np.random.default_rng(seed),
@@ -92,9 +92,9 @@ def reference(study) -> list[str]:
                     tol=1e-5,
                     polish=False,
                 )
-                told = {"objective_J": -1e6 * float(found.fun), "evaluations": int(found.nfev)}
+                entry = {"objective_J": -1e6 * float(optimum.fun), "evaluations": int(optimum.nfev)}
                 file.parent.mkdir(parents=True, exist_ok=True)
-                write_files({file: json.dumps(told | {"unknowns": found.x.tolist()}) + "\n"})
+                write_files({file: json.dumps(entry | {"unknowns": optimum.x.tolist()}) + "\n"})
                 study.done(file, "ok")
             ends.append(json.loads(file.read_text(encoding="utf-8")))
         _, setup = start_of_case(case)

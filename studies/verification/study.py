@@ -61,8 +61,8 @@ class Study:
     def run(self, cases: Mapping[str, Case]) -> dict[str, Solution | None]:
         """Return the solutions of cases by their folders in `out`; None: could not be run."""
         folders = {self.out / name: case for name, case in cases.items()}
-        found = run_batch(folders, self.jobs, self.done, records=False)
-        return dict(zip(cases, found.values(), strict=True))
+        solutions = run_batch(folders, self.jobs, self.done, records=False)
+        return dict(zip(cases, solutions.values(), strict=True))
 
 
 def _energy(solution):
@@ -71,11 +71,11 @@ def _energy(solution):
 
 def random_start(case: Case, rng: np.random.Generator) -> Case:
     """Return a case that starts from a random smooth blade: chord × 0.6 to 1.6, twist ± 6°."""
-    world = physics(case)
-    blade, case = world.blade, world.case
-    knots, place = [0.0, 0.5, 1.0], blade.r / blade.tip_radius
-    factor = np.exp(PchipInterpolator(knots, rng.uniform(np.log(0.6), np.log(1.6), 3))(place))
-    offset = PchipInterpolator(knots, rng.uniform(-6.0, 6.0, 3))(place)
+    physics_ = physics(case)
+    blade, case = physics_.blade, physics_.case
+    knots, radius = [0.0, 0.5, 1.0], blade.r / blade.tip_radius
+    factor = np.exp(PchipInterpolator(knots, rng.uniform(np.log(0.6), np.log(1.6), 3))(radius))
+    offset = PchipInterpolator(knots, rng.uniform(-6.0, 6.0, 3))(radius)
     chord = np.clip(blade.chord * factor, *case.design.chord_bounds)
     twist = np.clip(np.rad2deg(blade.twist) + offset, *case.design.twist_bounds)
     return with_blade(case, chord, twist)
@@ -186,12 +186,12 @@ def _shipped(names):
 def _from_random_blades(study, method, problems, optimizers):
     """Run problems, each a shipped case and overrides by its name, from random blades."""
     plan = {}
-    for place, (name, (shipped, overrides)) in enumerate(problems.items()):
+    for index, (name, (shipped, overrides)) in enumerate(problems.items()):
         for optimizer in optimizers:
             settings = [*overrides, f"driver.optimizer={optimizer}", f"start.method={method}"]
             case = case_file(None, shipped, settings)
             for i in range(study.count):
-                start = random_start(case, np.random.default_rng([study.seed, place, i]))
+                start = random_start(case, np.random.default_rng([study.seed, index, i]))
                 plan[f"{method}/{optimizer}/{name}/{i:03d}"] = start, name, name
     return _run_and_tell(study, plan)
 
@@ -217,7 +217,7 @@ def _sweep(study):
             group = name.partition("_")[0].rstrip("0123456789")
             case = case_file(None, base, settings)
             plan[f"sweep/{optimizer}/{name}"] = case, f"sweep {name}", group
-    told = _run_and_tell(study, plan)
+    lines = _run_and_tell(study, plan)
     best = json.loads((study.out / "best.json").read_text(encoding="utf-8"))
     below = {}
     for name in changed:
@@ -229,7 +229,7 @@ def _sweep(study):
     line = (
         f"The largest energy of a feedback law over that of open loop, less one: {below[worst]:.1e}"
     )
-    return [*told, "", f"{line} (`{worst}`); above 1e-5 in {over} of {len(below)} cases."]
+    return [*lines, "", f"{line} (`{worst}`); above 1e-5 in {over} of {len(below)} cases."]
 
 
 def _run_and_tell(study, plan):
@@ -238,12 +238,12 @@ def _run_and_tell(study, plan):
     The plan holds, by the name of the run (PART/OPTIMIZER/...), its case, problem and group. The
     best energy of each problem is kept in the study's folder and counts in later studies there.
     """
-    found, path = (
+    solutions, path = (
         study.run({run: case for run, (case, *_) in plan.items()}),
         study.out / "best.json",
     )
     best = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-    energies = {run: _energy(each) for run, each in found.items() if each and each.success}
+    energies = {run: _energy(each) for run, each in solutions.items() if each and each.success}
     for run, energy in energies.items():
         _, problem, _ = plan[run]
         best[problem] = max(best.get(problem, 0.0), energy)
@@ -252,12 +252,12 @@ def _run_and_tell(study, plan):
     rows = []
     for group in [*dict.fromkeys(group for *_, group in plan.values()), None]:
         for optimizer in OPTIMIZERS:
-            runs = [run for run, (*_, own) in plan.items() if group in (own, None)]
+            runs = [run for run, (*_, label) in plan.items() if group in (label, None)]
             runs = [run for run in runs if f"/{optimizer}/" in run]
             if not runs:
                 continue
             good = [run for run in runs if run in below]
-            iterations = [found[run].summary.iterations for run in good]
+            iterations = [solutions[run].summary.iterations for run in good]
             furthest = most = "-"
             if good:
                 furthest = f"{100.0 * max(below[run] for run in good):.5f}"
@@ -272,19 +272,19 @@ def _run_and_tell(study, plan):
                     "false successes": str(sum(below[run] > FALSE_SUCCESS for run in good)),
                 }
             )
-    values = [each.summary for run, each in found.items() if run in energies]
+    values = [each.summary for run, each in solutions.items() if run in energies]
     bounds = max(each.simulated_energy_J / each.energy_bound_J - 1.0 for each in values)
     starts = [
         1.0 - check.value
-        for each in values
-        for check in each.checks
+        for summary in values
+        for check in summary.checks
         if check.name == "energy_below_start"
     ]
     gaps = [each.certified_gap for each in values if each.certified_gap is not None]
     line = f"Energy over the quasi-steady bound, less one: at most {bounds:+.1e}; gap to the "
     line += f"certificate: {100.0 * min(gaps):.5f} to {100.0 * max(gaps):.3f} %; " if gaps else ""
     line += f"energy over the start's: at least {min(starts, default=np.nan):.6f}."
-    return [*_told(rows, found), "", line]
+    return [*_told(rows, solutions), "", line]
 
 
 def _against_physics(study):
@@ -307,30 +307,30 @@ def _against_physics(study):
             ("radau", "phase.transcription=radau", *short),
         ):
             plan[f"physics/{variant}/{name}"] = case_file(None, name, overrides)
-    found = study.run(plan)
+    solutions = study.run(plan)
     rows = []
     for name in CODESIGN:
-        solution = found[f"physics/shipped/{name}"]
+        solution = solutions[f"physics/shipped/{name}"]
         design = solution.design()
         coarse, fine = _fly(design).energy, _fly(design, tolerance=1e-11, refined=4).energy
         if not design.law.is_feedback:  # answers a changed blade by a control of its own
             plan = {}
-            for key, each in _perturbed(design):
-                chord, twist = each.plant.blade.chord, np.rad2deg(each.plant.blade.twist)
+            for key, moved in _perturbed(design):
+                chord, twist = moved.plant.blade.chord, np.rad2deg(moved.plant.blade.twist)
                 changed = with_blade(solution.case, chord, twist, "fixed")
                 plan[f"physics/perturbed/{name}/{key}"] = changed
             solved = study.run(plan)
-            found |= solved
+            solutions |= solved
             risen = {
-                run.rpartition("/")[2]: _energy(each) / _energy(solution) - 1.0
-                for run, each in solved.items()
-                if each and each.success
+                run.rpartition("/")[2]: _energy(result) / _energy(solution) - 1.0
+                for run, result in solved.items()
+                if result and result.success
             }
         else:
             risen = {key: _fly(each).energy / coarse - 1.0 for key, each in _perturbed(design)}
         changes = []
         for variant in ("segments_x2", "segments_x4", "radau"):
-            other = found[f"physics/{variant}/{name}"]
+            other = solutions[f"physics/{variant}/{name}"]
             good = other and other.success
             change = percent(_energy(other), _energy(solution)) if good else None
             changes.append(f"{change:+.5f}" if good else "refused")
@@ -346,7 +346,7 @@ def _against_physics(study):
                 "Radau (%)": changes[2],
             }
         )
-    return _told(rows, found)
+    return _told(rows, solutions)
 
 
 def _perturbed(design):
@@ -394,8 +394,8 @@ def _real(study):
     the flow stalls at once, runs a second time with a hub of 0.2 of the radius.
     """
     plan = {f"real/{name}": case for name, case in real_cases().items()}
-    found, rows = study.run(plan), []
-    for run, solution in found.items():
+    solutions, rows = study.run(plan), []
+    for run, solution in solutions.items():
         summary = solution and solution.summary
         energy = (summary and summary.simulated_energy_J) or 0.0
         rows.append(
@@ -410,7 +410,7 @@ def _real(study):
                 else "",
             }
         )
-    return _told(rows, found)
+    return _told(rows, solutions)
 
 
 def _over_start(energy, summary):
@@ -419,11 +419,11 @@ def _over_start(energy, summary):
     return f"({over})" if summary.start_breaks else over
 
 
-def _told(rows, found):
+def _told(rows, solutions):
     """Return a table, and a line for each run that did not succeed, with its reason."""
     failures = [
         f"- `{run}`: {_reason(solution)}"
-        for run, solution in found.items()
+        for run, solution in solutions.items()
         if solution is None or not solution.success
     ]
     return [*markdown_table(rows[0], map(dict.values, rows)), "", *failures]

@@ -88,20 +88,20 @@ class Run:
 
 def _run(study, folder, law, turbine) -> Run:
     """Run a turbine under a law, or return the result that its folder has."""
-    out, told = folder / law, folder / f"{law}.json"
-    if not told.exists():
+    out, path = folder / law, folder / f"{law}.json"
+    if not path.exists():
         file = write(folder, law, turbine)
         command = [sys.executable, "-m", "hkt_mdo", "run", file, "--out", out, "--force"]
         seconds, message = _in_process([*command, "--no-figures"])
-        told.write_text(json.dumps({"seconds": seconds, "message": message}), encoding="utf-8")
+        path.write_text(json.dumps({"seconds": seconds, "message": message}), encoding="utf-8")
         study.done(out, message or "ok")
-    known = json.loads(told.read_text(encoding="utf-8"))
+    record = json.loads(path.read_text(encoding="utf-8"))
     try:
         result = Solution.load(out)
     except InputError:
         result = None
-    message = known["message"] or (result.message if result else "no result")
-    return Run(out, result, known["seconds"], message)
+    message = record["message"] or (result.message if result else "no result")
+    return Run(out, result, record["seconds"], message)
 
 
 def write(folder, law, turbine) -> Path:
@@ -225,13 +225,13 @@ def draw(rng: np.random.Generator) -> dict:
 
 def _blade(between) -> dict:
     """Return a blade's columns: a chord that tapers, and the twist of a tip speed ratio."""
-    place = np.linspace(0.1, 0.99, 12)
-    inflow = np.rad2deg(np.arctan(2.0 / (3.0 * between(4.5, 6.5) * place)))
+    radius = np.linspace(0.1, 0.99, 12)
+    inflow = np.rad2deg(np.arctan(2.0 / (3.0 * between(4.5, 6.5) * radius)))
     return {
-        "r_over_R": place,
-        "chord_over_R": between(0.1, 0.18) * (1.0 - between(0.4, 0.7) * place),
+        "r_over_R": radius,
+        "chord_over_R": between(0.1, 0.18) * (1.0 - between(0.4, 0.7) * radius),
         "twist_deg": inflow - between(3.0, 6.0),
-        "t_over_c": np.interp(place, (0.2, 0.9), (0.24, 0.14)),
+        "t_over_c": np.interp(radius, (0.2, 0.9), (0.24, 0.14)),
     }
 
 
