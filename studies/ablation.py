@@ -49,7 +49,7 @@ def began(strategy, result):
 def tied(result):
     """Tell whether a run began at another optimum than the best without time."""
     ends = [each for each in result.summary.starts or () if each.law == result.case.control.law]
-    best = max(ends, key=lambda each: each.objective or 0.0, default=None)
+    best = max(ends, key=lambda start: start.objective or 0.0, default=None)
     return best is not None and not best.kept
 
 
@@ -57,8 +57,8 @@ def stagnated(result):
     """Tell whether the last optimization ended where no iterate was better, not at a small gap."""
     most = stationary.NO_GAP * result.case.driver.tolerance
     details = [each.detail or "" for each in result.summary.checks or ()]
-    found = [each for each in details if each.startswith("no better iterate")]
-    return any(float(each.split()[-1]) > most for each in found)
+    messages = [each for each in details if each.startswith("no better iterate")]
+    return any(float(each.split()[-1]) > most for each in messages)
 
 
 def open_loop(result):
@@ -109,7 +109,7 @@ PARTS = {  # in which runs a part has a share, and what switches it off
     ),
     "the heaviest of rotors that tie": (
         tied,
-        [(find.Search, "_heaviest", lambda self, found: found[0])],
+        [(find.Search, "_heaviest", lambda self, optima: optima[0])],
     ),
     "search from the given blade": (partial(began, GIVEN), [blades(GIVEN)]),
     "search from a slower rotor": (partial(began, find.SLOWER[0]), [blades(find.SLOWER[0])]),
@@ -242,9 +242,9 @@ def main():
 
     cases = {name: arguments for name, arguments in reference_cases(asked.out).items()
              if not any(part in name for part in SKIPPED)}  # fmt: skip
-    known = {name: result for name in cases if (result := result_of(asked.runs / name))}
+    results = {name: result for name in cases if (result := result_of(asked.runs / name))}
     pairs = [(part, name) for part, (share, _) in PARTS.items() if asked.only in part
-             for name, result in known.items() if share(result)]  # fmt: skip
+             for name, result in results.items() if share(result)]  # fmt: skip
     with ThreadPoolExecutor(asked.jobs) as pool:
         rows = list(pool.map(lambda x: row_of(*x, cases[x[1]], asked.runs, asked.out), pairs))
     if not asked.only:

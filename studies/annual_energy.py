@@ -80,7 +80,7 @@ def rotor() -> dict[str, Any]:
     }
 
 
-def case(**about: Any):
+def case(**sections: Any):
     """Return the case of HARP_Opt's example, with some sections of its own."""
     data = {
         "rotor": rotor(),
@@ -96,8 +96,8 @@ def case(**about: Any):
         },
         "hydrodynamics": {"tolerance": 5e-4},
     }
-    data["limits"] |= about.pop("limits", {})
-    return load_case(data | about, extensions=LIMITS)
+    data["limits"] |= sections.pop("limits", {})
+    return load_case(data | sections, extensions=LIMITS)
 
 
 DESIGNED = {
@@ -182,19 +182,19 @@ def flow() -> tuple[np.ndarray, np.ndarray]:
 
 def scored() -> dict[str, float]:
     """Return HARP_Opt's own energy, and that of its blade at its speeds by direct BEM, kWh."""
-    known = np.genfromtxt(DATA / "power.csv", delimiter=",", names=True)
-    speed, turning = known["speed_m_s"], known["rotor_speed_rpm"] * RPM
-    world = physics(case(**deepcopy(SECTIONS["fixed"])))
-    plant = Plant(world.blade, world.rotor.polar, 1.0, world.density, SOLVERS["vectorized"])
-    power = {"own": known["power_kW"], "here": 1e-3 * plant.torque(turning, speed) * turning}
+    table = np.genfromtxt(DATA / "power.csv", delimiter=",", names=True)
+    speed, turning = table["speed_m_s"], table["rotor_speed_rpm"] * RPM
+    model = physics(case(**deepcopy(SECTIONS["fixed"])))
+    plant = Plant(model.blade, model.rotor.polar, 1.0, model.density, SOLVERS["vectorized"])
+    power = {"own": table["power_kW"], "here": 1e-3 * plant.torque(turning, speed) * turning}
     v, hours = flow()
-    found = {
-        name: float(hours @ np.interp(v, speed, np.minimum(each, 1e-3 * RATED), left=0.0))
-        for name, each in power.items()
+    energies = {
+        name: float(hours @ np.interp(v, speed, np.minimum(curve, 1e-3 * RATED), left=0.0))
+        for name, curve in power.items()
     }
     steady = (speed > 0.85) & (speed < 1.95)
     ratio = np.mean(power["here"][steady] / power["own"][steady]) - 1.0
-    return found | {"over": float(known["power_kW"][speed == 2.1][0]), "region": 100.0 * ratio}
+    return energies | {"over": float(table["power_kW"][speed == 2.1][0]), "region": 100.0 * ratio}
 
 
 def annual(solution) -> float:
@@ -207,11 +207,11 @@ def annual(solution) -> float:
 
 def draw(solutions, path: Path) -> None:
     """Draw power, energy by bins, chord and twist of HARP_Opt's blade and of the co-design."""
-    known = np.genfromtxt(DATA / "power.csv", delimiter=",", names=True)
+    table = np.genfromtxt(DATA / "power.csv", delimiter=",", names=True)
     names = {"fixed": "HARP_Opt's blade", "design": "co-design"}
     figure = Figure(figsize=(8.4, 6.2), layout="constrained")
     axes = figure.subplots(2, 2)
-    axes[0, 0].plot(known["speed_m_s"], known["power_kW"], ":", color="0.3", label="HARP_Opt's own")
+    axes[0, 0].plot(table["speed_m_s"], table["power_kW"], ":", color="0.3", label="HARP_Opt's own")
     for index, (key, name) in enumerate(names.items()):
         look, solution = line(index), solutions[key]
         year, blade = solution.year, solution.blade
@@ -234,20 +234,20 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("results/annual_energy"))
     out = parser.parse_args().out
     score, solutions, seconds = scored(), {}, {}
-    for name, about in SECTIONS.items():
+    for name, sections in SECTIONS.items():
         began = time.process_time()
-        given = case(name=f"harp_opt_{name}", **deepcopy(about))
-        solutions[name] = run_case(given, out / name, force=True, figures=False, records=False)
+        variant = case(name=f"harp_opt_{name}", **deepcopy(sections))
+        solutions[name] = run_case(variant, out / name, force=True, figures=False, records=False)
         seconds[name] = time.process_time() - began
     results = {
         name: {
-            "success": each.success,
-            "energy_kWh": annual(each),
+            "success": solution.success,
+            "energy_kWh": annual(solution),
             "processor_time_s": seconds[name],
-            "stress_Pa": each.summary.loads["stress"].value,
-            "chord_falls": bool(np.all(np.diff(each.blade["chord_m"]) <= 0.0)),
+            "stress_Pa": solution.summary.loads["stress"].value,
+            "chord_falls": bool(np.all(np.diff(solution.blade["chord_m"]) <= 0.0)),
         }
-        for name, each in solutions.items()
+        for name, solution in solutions.items()
     }
     draw(solutions, ROOT / "docs" / "images" / "annual_energy.png")
     page_data.page_from("annual_energy", from_data, results=results, score=score)

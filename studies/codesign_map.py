@@ -43,22 +43,22 @@ class Rotor:
     """The paper's rotor with the blade of the largest steady power coefficient."""
 
     def __init__(self):
-        world = physics(case({}, 0.0))
-        best = world.rotor.best_of_shape(world.shape, world.blade)
+        physics_ = physics(case({}, 0.0))
+        best = physics_.rotor.best_of_shape(physics_.shape, physics_.blade)
         self.blade, self.ratio = best.blade, best.tip_speed_ratio
         radius = self.blade.rotor_radius
         self.speed = self.ratio * MEAN / radius
         area = math.pi * radius**2
-        self.power = 0.5 * world.density * area * MEAN**3 * best.power_coefficient
+        self.power = 0.5 * physics_.density * area * MEAN**3 * best.power_coefficient
         self.torque = self.power / self.speed
-        self.inertia = world.rotor.mass_and_inertia(self.blade)[1]
-        self.own = {"torque": self.torque, "power": self.power}
+        self.inertia = physics_.rotor.mass_and_inertia(self.blade)[1]
+        self.nominal = {"torque": self.torque, "power": self.power}
 
     def cases(self, limit, share, beta, segments):
         """Return the co-design at a point of the map, and the law alone on the blade."""
         inertia = beta * PERIOD / (2.0 * math.pi) * self.torque / self.speed
         hub = max(0.0, inertia - self.inertia)
-        together = case({limit: share * self.own[limit]}, hub, segments)
+        together = case({limit: share * self.nominal[limit]}, hub, segments)
         twist = np.rad2deg(self.blade.twist)
         return together, with_blade(together, self.blade.chord, twist, "fixed")
 
@@ -90,20 +90,20 @@ def main():
     parser.add_argument("--page", action="store_true", help="write the page from the data alone")
     arguments = parser.parse_args()
     if not arguments.page:
-        rotor, known = Rotor(), {limit: {} for limit in SHARES}
+        rotor, maps = Rotor(), {limit: {} for limit in SHARES}
         for round_ in range(ROUNDS + 1):
             asked, segments = [], SEGMENTS
-            for limit, of_limit in known.items():
+            for limit, of_limit in maps.items():
                 if round_ < ROUNDS:
                     places = chosen(limit, of_limit, arguments.points, round_)
                 else:  # where a run was refused, on a finer mesh
                     places = [key for key, row in of_limit.items() if row["verified"] == "no"]
                     segments = 2 * SEGMENTS
-                asked += [(limit, *place) for place in places]
-            found = run(rotor, asked, arguments.out.absolute(), arguments.jobs, segments)
-            for key, row in found.items():
-                known[key[0]][key[1:]] = row
-            save([row for each in known.values() for _, row in sorted(each.items())])
+                asked += [(limit, *point) for point in places]
+            rows = run(rotor, asked, arguments.out.absolute(), arguments.jobs, segments)
+            for key, row in rows.items():
+                maps[key[0]][key[1:]] = row
+            save([row for each in maps.values() for _, row in sorted(each.items())])
     write_page()
 
 
@@ -119,18 +119,18 @@ def save(rows):
 # The points ---------------------------------------------------------------------------------------
 
 
-def chosen(limit, known, points, round_):
+def chosen(limit, rows, points, round_):
     """Return the points of a round: a grid first, then where the answer changes most."""
     low, high = SHARES[limit]
     if round_ == 0:
         across = np.geomspace(*BETAS, FIRST)
         grid = [(y, x) for y in np.linspace(low, high, FIRST) for x in across]
         return [(round(float(y), 4), float(f"{x:.4g}")) for y, x in grid]
-    count = (points - len(known)) // (ROUNDS - round_)
-    places = np.array([*known])
+    count = (points - len(rows)) // (ROUNDS - round_)
+    places = np.array([*rows])
     span = math.log(BETAS[1] / BETAS[0])
     flat = np.c_[(places[:, 0] - low) / (high - low), np.log(places[:, 1] / BETAS[0]) / span]
-    answers = np.array([answer(row) for row in known.values()])
+    answers = np.array([answer(row) for row in rows.values()])
     corners = Delaunay(flat).simplices
     edges = {
         tuple(sorted(pair)) for x in corners for pair in ((x[0], x[1]), (x[1], x[2]), (x[0], x[2]))
@@ -138,18 +138,18 @@ def chosen(limit, known, points, round_):
     edges = np.array(sorted(edges))
     change = np.abs(np.diff(answers[edges], axis=1)[:, 0])
     length = np.linalg.norm(flat[edges[:, 0]] - flat[edges[:, 1]], axis=1)
-    found = {}
-    for place in np.argsort(-change * length):
-        middle = flat[edges[place]].mean(axis=0)
+    middles = {}
+    for index in np.argsort(-change * length):
+        middle = flat[edges[index]].mean(axis=0)
         share = round(float(low + middle[0] * (high - low)), 4)
         beta = float(f"{BETAS[0] * (BETAS[1] / BETAS[0]) ** middle[1]:.4g}")
-        if (share, beta) not in known and all(
-            np.linalg.norm(middle - each) > 0.03 for each in found.values()
+        if (share, beta) not in rows and all(
+            np.linalg.norm(middle - other) > 0.03 for other in middles.values()
         ):
-            found[share, beta] = middle
-        if len(found) == count:
+            middles[share, beta] = middle
+        if len(middles) == count:
             break
-    return list(found)
+    return list(middles)
 
 
 def answer(row):
@@ -174,25 +174,25 @@ def run(rotor, asked, out, jobs, segments):
     plan = {}
     for key, (together, alone) in cases.items():
         plan |= {folder[key] / "sequential": alone, folder[key] / "codesign": together}
-    found = in_turn(plan)
+    solutions = in_turn(plan)
     again = {}
     for key, (together, _) in cases.items():
-        first = found[folder[key] / "sequential"]
+        first = solutions[folder[key] / "sequential"]
         if first is not None and first.success:
             start = together.start.model_copy(update={"from_": str(first.folder)})
             again[folder[key] / "from_sequential"] = together.model_copy(update={"start": start})
-    found |= in_turn(again)
+    solutions |= in_turn(again)
     rows = {}
     for key, (together, _) in cases.items():
         energy = {
-            name: each.summary.simulated_energy_J
+            name: solution.summary.simulated_energy_J
             for name in ("sequential", "codesign", "from_sequential")
-            if (each := found.get(folder[key] / name)) is not None and each.success
+            if (solution := solutions.get(folder[key] / name)) is not None and solution.success
         }
         best = max(("codesign", "from_sequential"), key=lambda name: energy.get(name, 0.0))
         won = energy.get("from_sequential", 0.0) > energy.get("codesign", 0.0) * (1.0 + NEARLY)
         rows[key] = dict(zip(COLUMNS, (
-            *key, f"{key[1] * rotor.own[key[0]]:.6g}", f"{together.rotor.hub_inertia:.6g}",
+            *key, f"{key[1] * rotor.nominal[key[0]]:.6g}", f"{together.rotor.hub_inertia:.6g}",
             energy.get("sequential", ""), energy.get(best, ""),
             "sequential design" if won else "own",
             "yes" if "sequential" in energy and best in energy else "no", segments,
@@ -364,7 +364,7 @@ def summary(rows):
     """Yield the answer in a few sentences."""
     fast = {x: [row for row in of(rows, x, kept=False) if float(row["beta"]) < 0.1] for x in SHARES}
     most = {limit: max(of(rows, limit), key=gain) for limit in SHARES}
-    told = "; ".join(
+    gains = "; ".join(
         f"{limit} limit {float(row['share']):.2f} and β {float(row['beta']):.2g}: "
         f"{100 * gain(row):.1f} %"
         for limit, row in most.items()
@@ -383,7 +383,7 @@ def summary(rows):
         "- **Without a binding limit**: not at all, for any time constant up to β₀ = "
         f"{slowest():.2f}, beyond which the generator would have to drive the rotor."
     )
-    yield f"- The largest gains on the map: {told}."
+    yield f"- The largest gains on the map: {gains}."
 
 
 def compared(rows):
@@ -469,9 +469,9 @@ def draw(rows, path):
     ends = {"vmin": math.log10(levels[0]), "vmax": math.log10(levels[-1]), "cmap": "viridis"}
     ticks = [0.05, 0.1, 0.2, 0.5, 1, 2, 4, 8]
     for ax, limit in zip(sheet.subplots(1, 2), SHARES, strict=True):
-        known = of(rows, limit)
-        beta, share = (np.array([float(row[x]) for row in known]) for x in ("beta", "share"))
-        gains, across = 100.0 * np.array([gain(row) for row in known]), np.log10(beta)
+        points = of(rows, limit)
+        beta, share = (np.array([float(row[x]) for row in points]) for x in ("beta", "share"))
+        gains, across = 100.0 * np.array([gain(row) for row in points]), np.log10(beta)
         least = np.log10(np.clip(gains, 0.5 * levels[0], None))
         filled = ax.tricontourf(across, share, least, np.log10(levels), alpha=0.85, **ends)
         small = gains < 100.0 * TOLD

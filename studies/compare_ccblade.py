@@ -179,9 +179,9 @@ def ccblade(rotor, derivatives=False):
     loads = solver.distributedAeroLoads
 
     def record(*arguments):
-        found = loads(*arguments)
-        recorded.append(found)
-        return found
+        result = loads(*arguments)
+        recorded.append(result)
+        return result
 
     solver.distributedAeroLoads = record
     rpm = ratios * 30.0 / (np.pi * blade.tip_radius)
@@ -217,7 +217,7 @@ def kind_of(branch, phi, phi_cc, load_cc, residual_cc, speed_cc):
 def compare(rotor, derivatives=False):
     """Solve a rotor with both and return a `Comparison`."""
     blade, ratios = rotor.blade, rotor.tip_speed_ratio
-    found = bem.sections(blade, rotor.polar, ratios)
+    sections = bem.sections(blade, rotor.polar, ratios)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         ours = bem.rotor_coefficients(blade, rotor.polar, ratios, derivatives)
@@ -233,8 +233,8 @@ def compare(rotor, derivatives=False):
         s, c, _, _ = bem._terms(float(phi_cc[i, j]), *station)[0]
         residual = (s - c * blade.tip_radius / (ratios[i] * blade.r[j])) / s if s else np.inf
         kinds[i, j] = kind_of(
-            found.branch[i, j],
-            found.inflow_angle[i, j],
+            sections.branch[i, j],
+            sections.inflow_angle[i, j],
             phi_cc[i, j],
             load_cc[i, :, j],
             residual,
@@ -302,13 +302,13 @@ def from_data(data):
         "|---|---|---|---|---|",
     ]
     details = ["", "| rotors | sections and points | share | what |", "|---|---|---|---|"]
-    for name, found in data["comparisons"].items():
-        errors = f"{found['error']:.1e} | {found['gradient_error']:.1e}"
-        lines.append(f"| {name} | {found['points']} | {found['same_points']} | {errors} |")
-        total = sum(found["kinds"].values())
+    for name, result in data["comparisons"].items():
+        errors = f"{result['error']:.1e} | {result['gradient_error']:.1e}"
+        lines.append(f"| {name} | {result['points']} | {result['same_points']} | {errors} |")
+        total = sum(result["kinds"].values())
         details += [
             f"| {name} | {number} | {100.0 * number / total:.3f} % | {kind} |"
-            for kind, number in found["kinds"].items()
+            for kind, number in result["kinds"].items()
         ]
     text = "\n".join(lines + details) + "\n"
     return page_data.between(page_data.text_of("bem"), BEGIN, END, text)
@@ -322,8 +322,8 @@ def main():
     parser.add_argument("--count", type=int, default=2400, help="random rotors (default: 2400)")
     parser.add_argument("--seed", type=int, default=0, help="of the random numbers (default: 0)")
     options = parser.parse_args()
-    found = summed(study(options.count, options.seed))
-    page_data.page_from("bem", from_data, comparisons=found)
+    comparisons = summed(study(options.count, options.seed))
+    page_data.page_from("bem", from_data, comparisons=comparisons)
 
 
 if __name__ == "__main__":

@@ -55,8 +55,8 @@ CASE = {
 
 def parts(formulas, rated):
     """Return the costs of a plant by name; `rated` is the rated power of one rotor in MW."""
-    known = {"P": NUMBER * rated, "N": NUMBER * NOMINAL}
-    return {name: eval(text, known) for name, text in formulas.items()}
+    variables = {"P": NUMBER * rated, "N": NUMBER * NOMINAL}
+    return {name: eval(text, variables) for name, text in formulas.items()}
 
 
 def cost_of_energy(annual_energy, blade_mass, rated, reference_mass):
@@ -134,8 +134,8 @@ def designed(objective, reference_mass, ref, free=()):
 def shown(problem):
     """Return what the page shows of a design."""
     names = ("rated", "annual_energy", "mass", "cost_of_energy")
-    found = {name: float(problem.get_val(name)[0]) for name in names}
-    return found | {"stress": float(problem.get_val("stress").max())}
+    values = {name: float(problem.get_val(name)[0]) for name in names}
+    return values | {"stress": float(problem.get_val("stress").max())}
 
 
 def row(name, rated, annual_energy, mass, cost_of_energy, stress):

@@ -118,13 +118,13 @@ def main():
         for name, (case, *overrides) in runs.items()
     }
     console = Console(width=230)
-    found = run_batch(
+    outcomes = run_batch(
         cases,
         arguments.jobs,
         lambda folder, word: console.print(f"  {folder.name}: {word}"),
         records=False,
     )
-    solutions = {folder.name: solution for folder, solution in found.items() if solution}
+    solutions = {folder.name: solution for folder, solution in outcomes.items() if solution}
     arguments.images.mkdir(parents=True, exist_ok=True)
     for image, (draw, *names) in FIGURES.items():
         if all(name in solutions for name in names):
@@ -138,7 +138,7 @@ def main():
     if set(RUNS) <= set(solutions):
         results = {name: figures_of_merit(solutions[name]) for name in RUNS}
         page_data.page_from("examples", from_data, results=results)
-    sys.exit(0 if all(s is not None and s.success for s in found.values()) else 3)
+    sys.exit(0 if all(s is not None and s.success for s in outcomes.values()) else 3)
 
 
 # Tables -------------------------------------------------------------------------------------------
@@ -291,9 +291,9 @@ def from_data(data):
         best, lines = results[rows[0][1]]["energy_J"], []
         for label, run in rows:
             less = 100.0 * (results[run]["energy_J"] / best - 1.0)
-            known = COLUMNS | {"to the designed one": lambda x, less=less: f"{less:+.3f} %"}
+            columns = COLUMNS | {"to the designed one": lambda x, less=less: f"{less:+.3f} %"}
             mark = "" if results[run]["success"] else " (no success)"
-            lines.append((label + mark, *(known[head](results[run]) for head in heads[1:])))
+            lines.append((label + mark, *(columns[head](results[run]) for head in heads[1:])))
         begin = f"<!-- {name}, by studies/example_cases.py -->\n"
         table = "\n".join(markdown_table(heads, lines)) + "\n"
         page = page_data.between(page, begin, "<!-- end -->", table)
@@ -342,8 +342,8 @@ speed = partial(over, "rotor_speed_rad_s", "rotor speed (rpm)", scale=30.0 / np.
 power = partial(over, "hydrodynamic_power_W", "rotor power (kW)", scale=1e-3)
 FIGURES = {
     "rm1_turbulent": (
-        lambda found: panels(
-            found,
+        lambda solutions: panels(
+            solutions,
             plots.plot_chord,
             plots.plot_twist,
             plots.plot_power_coefficient,
@@ -353,8 +353,8 @@ FIGURES = {
         "rm1_turbulent_kept",
     ),
     "rm1_set_angle": (
-        lambda found: panels(
-            found,
+        lambda solutions: panels(
+            solutions,
             over("inflow_speed_m_s", "inflow speed (m/s)", hours=True),
             speed(hours=True),
             over("tip_speed_ratio", RATIO, across="inflow_speed_m_s"),
@@ -364,8 +364,8 @@ FIGURES = {
         "rm1_set_angle_zero",
     ),
     "river_gust": (
-        lambda found: panels(
-            found,
+        lambda solutions: panels(
+            solutions,
             over("inflow_speed_m_s", "inflow speed (m/s)", ends=(15.0, 35.0)),
             speed(ends=(15.0, 35.0)),
             over("tip_speed_ratio", RATIO, ends=(15.0, 35.0)),
@@ -377,8 +377,8 @@ FIGURES = {
         "river_gust_kept_quadratic",
     ),
     "river_resized": (
-        lambda found: panels(
-            found,
+        lambda solutions: panels(
+            solutions,
             plots.plot_chord,
             plots.plot_twist,
             plots.plot_power_coefficient,
@@ -388,8 +388,8 @@ FIGURES = {
         "river_resized_kept",
     ),
     "own_files": (
-        lambda found: panels(
-            found,
+        lambda solutions: panels(
+            solutions,
             over("inflow_speed_m_s", "inflow speed (m/s)"),
             plots.plot_chord,
             over("tip_speed_ratio", RATIO, ends=(200.0, 300.0)),

@@ -33,9 +33,9 @@ def span(values, scale=1.0, digits=4) -> str:
 def blade(entry: dict) -> str:
     """Read a blade and say what it is."""
     table = read_blade(FOLDER / entry["file"])
-    about = f"{table.r.size} rows, chord {span(table.chord)} m, twist"
-    told = f"{about} {span(table.twist, 180.0 / np.pi)}°"
-    return f"{told}, {len(table.sections)} sections with polars" if table.sections else told
+    chord = f"{table.r.size} rows, chord {span(table.chord)} m, twist"
+    text = f"{chord} {span(table.twist, 180.0 / np.pi)}°"
+    return f"{text}, {len(table.sections)} sections with polars" if table.sections else text
 
 
 def polar(entry: dict) -> str:
@@ -50,15 +50,15 @@ def polar(entry: dict) -> str:
 
 def outline(entry: dict) -> str:
     """Read an outline and say what it is."""
-    found = Outline.from_file(FOLDER / entry["file"])
-    return f"{found.x.size} points, {100 * found.thickness:.4g} % thick, area {found.area:.4f} c²"
+    shape = Outline.from_file(FOLDER / entry["file"])
+    return f"{shape.x.size} points, {100 * shape.thickness:.4g} % thick, area {shape.area:.4f} c²"
 
 
 def record(entry: dict) -> str:
     """Read a record and say what it is."""
-    found = read_record(FOLDER / entry["file"], **entry["options"])
-    about = f"{found.speed.size} samples every {found.time[1]:.4g} s"
-    return f"{about}, mean {np.mean(found.speed):.4g} m/s, {span(found.speed)} m/s low-passed"
+    columns = read_record(FOLDER / entry["file"], **entry["options"])
+    text = f"{columns.speed.size} samples every {columns.time[1]:.4g} s"
+    return f"{text}, mean {np.mean(columns.speed):.4g} m/s, {span(columns.speed)} m/s low-passed"
 
 
 READERS = {"blades": blade, "polars": polar, "outlines": outline, "records": record}
@@ -66,28 +66,28 @@ READERS = {"blades": blade, "polars": polar, "outlines": outline, "records": rec
 
 def tables() -> str:
     """Return the tables of the page."""
-    known = listed()
-    sources = known["sources"]
+    listing = listed()
+    sources = listing["sources"]
     lines = ["\n## How many\n", "| | here, read by the tests | also read | refused |"]
     lines.append("|---|---|---|---|")
     for kind in READERS:
-        others = [entry for entry in known["listed"] if f"{entry['kind']}s" == kind]
+        others = [entry for entry in listing["listed"] if f"{entry['kind']}s" == kind]
         counts = [sum(entry.get(key, 0) for entry in others) for key in ("read", "refused")]
-        lines.append(f"| {kind} | {len(known[kind])} | {counts[0]} | {counts[1]} |")
+        lines.append(f"| {kind} | {len(listing[kind])} | {counts[0]} | {counts[1]} |")
     for kind, read in READERS.items():
         lines += [
             f"\n## {kind.capitalize()}\n",
             "| file | what | source | read as |",
             "|---|---|---|---|",
         ]
-        for entry in known[kind]:
-            place, what = entry["file"].rpartition("/")[2], entry["what"]
+        for entry in listing[kind]:
+            name, what = entry["file"].rpartition("/")[2], entry["what"]
             options = ", ".join(
                 f"`{key}: {value}`" for key, value in entry.get("options", {}).items()
             )
-            found = read(entry) + (f"; by {options}" if options else "")
-            lines.append(f"| `{place}` | {what} | {sources[entry['source']]['name']} | {found} |")
-        others = [entry for entry in known["listed"] if f"{entry['kind']}s" == kind]
+            text = read(entry) + (f"; by {options}" if options else "")
+            lines.append(f"| `{name}` | {what} | {sources[entry['source']]['name']} | {text} |")
+        others = [entry for entry in listing["listed"] if f"{entry['kind']}s" == kind]
         lines += ["\nNot shipped:\n", "| file | source | found |", "|---|---|---|"]
         for entry in others:
             lines.append(
@@ -95,7 +95,7 @@ def tables() -> str:
             )
     lines += ["\n## Sources\n", "| source | where | licence |", "|---|---|---|"]
     lines += [
-        f"| {each['name']} | {each['place']} | {each['licence']} |" for each in sources.values()
+        f"| {item['name']} | {item['place']} | {item['licence']} |" for item in sources.values()
     ]
     return "\n".join(lines) + "\n"
 

@@ -28,9 +28,9 @@ for plot, ax in zip(
     plot(solutions, ax)
     handles, labels = ax.get_legend_handles_labels()
     if ax is axes[0, 0]:
-        told = {"fontsize": 10, "frameon": False, "ncols": 4, "loc": "outside upper center"}
+        look = {"fontsize": 10, "frameon": False, "ncols": 4, "loc": "outside upper center"}
         title = "Energy captured in 60 s of a sinusoidal flow, torque limited to 700 N m"
         kept = [x for x in zip(handles, labels, strict=True) if "smallest" not in x[1]]
-        figure.legend(*zip(*kept, strict=True), title=title, title_fontsize=12, **told)
+        figure.legend(*zip(*kept, strict=True), title=title, title_fontsize=12, **look)
 image.parent.mkdir(parents=True, exist_ok=True)
 figure.savefig(image, dpi=130)

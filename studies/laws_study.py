@@ -85,16 +85,16 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("results/laws"))
     parser.add_argument("--jobs", type=int, default=None, help="processes (default: one a core)")
-    given = parser.parse_args()
+    args = parser.parse_args()
 
     def run(cases):
-        folders = {given.out / "/".join(key).replace(" ", "_"): x for key, x in cases.items()}
-        results = run_nested(folders, given.jobs, partial(print, flush=True))
+        folders = {args.out / "/".join(key).replace(" ", "_"): x for key, x in cases.items()}
+        results = run_nested(folders, args.jobs, partial(print, flush=True))
         return dict(zip(cases, results.values(), strict=True))
 
     results = run({(x, law, "designed"): case(x, law) for x in LIMITS for law in laws(x)})
     better = [
-        str(each).replace(f"{given.out}/", "") for each in dominated(filter(None, results.values()))
+        str(pair).replace(f"{args.out}/", "") for pair in dominated(filter(None, results.values()))
     ]
     kept = {}
     for limit, law, _ in results:
@@ -165,9 +165,9 @@ def cell(value):
 
 def blade_of(results, law):
     """Return the row of the blade that a law ends with, with 700 N m and 5 kW."""
-    found = page_data.result_of(results[f"and 5 kW; {law}; designed"])
-    summary = found.summary
-    if not found.success:
+    result = page_data.result_of(results[f"and 5 kW; {law}; designed"])
+    summary = result.summary
+    if not result.success:
         return [law, "refused", *4 * ["-"]]
     area, ratio = np.trapezoid(summary.chord_m, summary.r_m), summary.tip_speed_ratio
     thrust, delivered = summary.loads["thrust"].value / 1e3, summary.generator_energy_J / 1e3

@@ -69,12 +69,12 @@ def main():
         for name, (file, changes) in plan().items()
         if not arguments.only or name.split("/")[0] in arguments.only
     }
-    found = run(runs)
+    results = run(runs)
     if not arguments.only:
-        found |= run(sequential(runs, found[out / "free" / "oloc"]))
-        found = {path.relative_to(out).as_posix(): each for path, each in found.items()}
-        fronts(found, arguments.table.parent / IMAGE)
-        data = data_of(found)
+        results |= run(sequential(runs, results[out / "free" / "oloc"]))
+        results = {path.relative_to(out).as_posix(): each for path, each in results.items()}
+        fronts(results, arguments.table.parent / IMAGE)
+        data = data_of(results)
         page_data.write("limits", data)
         arguments.table.write_text(from_data(data), encoding="utf-8")
         print(f"wrote {arguments.table}")
@@ -82,10 +82,10 @@ def main():
 
 def plan():
     """Return file and overrides of every run that needs no other's result, by its folder."""
-    resolved, own = "rotor.station_count=40", f"rotor.stations={NINE}"
+    resolved, nine = "rotor.station_count=40", f"rotor.stations={NINE}"
     runs = {f"free/{law}": (f"sine_limited_{law}.yaml", [resolved]) for law in LAWS}
     for limit in ("thrust", "stress", "cavitation", "all"):
-        runs[f"nine/{limit}"] = f"limits/{limit}_oloc.yaml", [own]
+        runs[f"nine/{limit}"] = f"limits/{limit}_oloc.yaml", [nine]
     for limit in LIMITS:
         for law in LAWS:
             runs[f"cases/{limit}_{law}"] = f"limits/{limit}_{law}.yaml", []
@@ -113,9 +113,9 @@ def sequential(runs, free):
     }
 
 
-def data_of(found):
+def data_of(solutions):
     """Return what the page shows of the solutions, with what they were made by."""
-    shown = {name: each for name, each in found.items() if not name.startswith((*FRONTS,))}
+    shown = {name: each for name, each in solutions.items() if not name.startswith((*FRONTS,))}
     results = {name: page_data.of_result(each, SHOWN) for name, each in shown.items()}
     commands = ["python studies/limits_study.py"]
     return {"commands": commands, **page_data.stamp(), "results": results}
@@ -126,45 +126,45 @@ def from_data(data):
     return page({name: page_data.result_of(each) for name, each in data["results"].items()})
 
 
-def page(found):
+def page(results):
     """Return the page for the solutions by folder."""
-    free = {law: energy(found[f"free/{law}"]) for law in LAWS}
+    free = {law: energy(results[f"free/{law}"]) for law in LAWS}
     return "\n".join(
         [
             HEAD,
-            *in_short(found, free),
-            *optimum_without(found["free/oloc"]),
-            *costs(found, free),
-            *unresolved(found),
-            *shadow_prices(found),
+            *in_short(results, free),
+            *optimum_without(results["free/oloc"]),
+            *costs(results, free),
+            *unresolved(results),
+            *shadow_prices(results),
             "## Energy against thrust and stress",
             "",
             f"![Energy against thrust and stress]({IMAGE})",
             "",
-            *branches_text(found),
-            *sequential_text(found),
-            *losses_text(found),
-            *turbine(found["cases/rm1_turbulent"]),
+            *branches_text(results),
+            *sequential_text(results),
+            *losses_text(results),
+            *turbine(results["cases/rm1_turbulent"]),
         ]
     )
 
 
-def in_short(found, free):
+def in_short(results, free):
     """Yield the answers in a few sentences."""
-    under = {key: energy(found[f"cases/{key}"]) for key in ("power_oloc", "power_quadratic")}
+    under = {key: energy(results[f"cases/{key}"]) for key in ("power_oloc", "power_quadratic")}
     alone = {
-        limit: change(energy(found[f"cases/{limit}_oloc"]), free["oloc"], 1) for limit in LIMITS
+        limit: change(energy(results[f"cases/{limit}_oloc"]), free["oloc"], 1) for limit in LIMITS
     }
     gains = [
-        change(energy(found[f"cases/{limit}_oloc"]), energy(found[f"sequential/{limit}"]))
+        change(energy(results[f"cases/{limit}_oloc"]), energy(results[f"sequential/{limit}"]))
         for limit in SEQUENTIAL
     ]
-    electrical = [found[f"losses/{name}"].summary for name in ("captured", "electrical")]
+    electrical = [results[f"losses/{name}"].summary for name in ("captured", "electrical")]
     ratios = [f"{each.tip_speed_ratio.mean:.1f}" for each in electrical]
     delivered = change(*(each.electrical_energy_J for each in reversed(electrical)), 1)
     laws = change(under["power_quadratic"], under["power_oloc"], 1)
-    stress = found["free/oloc"].summary.loads["stress"]
-    others = change(energy(found["cases/all_oloc"]), energy(found["cases/stress_oloc"]), 1)
+    stress = results["free/oloc"].summary.loads["stress"]
+    others = change(energy(results["cases/all_oloc"]), energy(results["cases/stress_oloc"]), 1)
     for text in (
         f"- Change of the energy of open loop by each limit: 100 MPa {alone['stress']}, 6 kN of "
         f"thrust {alone['thrust']}, 9 rad/s {alone['rotor_speed']}, no cavitation at 3 m "
@@ -204,8 +204,8 @@ def change(value, reference, digits=2):
 def loads(solution):
     """Return the largest thrust, root moment, stress and suction as one cell."""
     largest = solution.summary.loads
-    told = (largest[name] for name in LOADS if name in largest)
-    return ", ".join(measured(each.value, each.unit, 3) for each in told)
+    entries = (largest[name] for name in LOADS if name in largest)
+    return ", ".join(measured(each.value, each.unit, 3) for each in entries)
 
 
 def fastest(solution):
@@ -225,7 +225,7 @@ def section(title, before, header, rows, after):
 def optimum_without(solution):
     """Return the loads of the paper's optimum."""
     bent = f"{solution.summary.tip_deflection_m:.2g} m"
-    told = f"{energy(solution):.2f} kJ", loads(solution), bent, fastest(solution)
+    row = f"{energy(solution):.2f} kJ", loads(solution), bent, fastest(solution)
     return section(
         "The paper's optimum without these limits",
         (
@@ -233,7 +233,7 @@ def optimum_without(solution):
             "its integration, by direct BEM:",
         ),
         ("energy", "thrust, moment, stress", "tip deflection", "fastest"),
-        [told],
+        [row],
         (
             "The deflection is that of a linear beam, which is not valid where it is this large.",
             "In the following tables, suction is a fraction of the cavitation limit, which has a",
@@ -242,12 +242,12 @@ def optimum_without(solution):
     )
 
 
-def costs(found, free):
+def costs(results, free):
     """Return what each limit costs under both laws."""
     rows = []
     for limit in ("none", *LIMITS):
         for law, word in LAWS.items():
-            solution = found[f"free/{law}" if limit == "none" else f"cases/{limit}_{law}"]
+            solution = results[f"free/{law}" if limit == "none" else f"cases/{limit}_{law}"]
             value = energy(solution)
             if value is None:
                 rows.append((limit, word, "no success", "", "", ""))
@@ -267,7 +267,7 @@ def costs(found, free):
             "has several optima; in most of them it operates at its torque limit nearly always.",
             "The start tries both kinds, and `make verify PART=limits` shows where runs from",
             "random blades end ([verification.md](verification.md)).",
-            *constant_torque(found["cases/power_quadratic"]),
+            *constant_torque(results["cases/power_quadratic"]),
         ),
     )
 
@@ -287,15 +287,15 @@ def constant_torque(solution):
     )
 
 
-def unresolved(found):
+def unresolved(results):
     """Return how much larger the loads are on a blade of many stations than on the paper's nine."""
     rows = []
-    for name, solution in found.items():
+    for name, solution in results.items():
         for note in solution.notes if name.startswith("nine/") else ():
             if note.startswith("loads are held on"):
                 larger = note.partition(" has ")[2].partition(":")[0]
                 verdict = "verified" if solution.success else "refused"
-                energies = solution, found[f"cases/{name.removeprefix('nine/')}_oloc"]
+                energies = solution, results[f"cases/{name.removeprefix('nine/')}_oloc"]
                 cells = (told(each.summary.simulated_energy_J / 1e3) for each in energies)
                 rows.append((name.removeprefix("nine/"), larger, verdict, *cells))
     return section(
@@ -313,21 +313,21 @@ def unresolved(found):
     )
 
 
-def shadow_prices(found):
+def shadow_prices(results):
     """Return which limits bind, when, and what one per cent more of each would give."""
     rows = []
     for limit in LIMITS:
         for law in LAWS:
-            solution = found[f"cases/{limit}_{law}"]
+            solution = results[f"cases/{limit}_{law}"]
             if not (solution and solution.success):
                 continue
-            for name, each in solution.summary.limits.items():
-                if not each.binding or each.worth is None:
+            for name, entry in solution.summary.limits.items():
+                if not entry.binding or entry.worth is None:
                     continue
-                at = f"at most {measured(each.limit, each.unit, 4)}"
-                share = f"{100.0 * each.share_of_time:.1f} %"
-                gain = f"{1e-1 * each.worth / energy(solution):.3f} %"
-                worth = measured(each.worth, "J", 3)
+                at = f"at most {measured(entry.limit, entry.unit, 4)}"
+                share = f"{100.0 * entry.share_of_time:.1f} %"
+                gain = f"{1e-1 * entry.worth / energy(solution):.3f} %"
+                worth = measured(entry.worth, "J", 3)
                 rows.append((f"{limit}_{law}", name, at, share, worth, gain))
     return section(
         "What one per cent more would give",
@@ -354,24 +354,24 @@ def front(ax, found, part):
     return style.finish(ax, f"largest {part} allowed ({unit})", "energy (kJ)")
 
 
-def fronts(found, path):
+def fronts(results, path):
     """Draw both fronts."""
-    plots = [partial(front, found=found, part=part) for part in FRONTS]
+    plots = [partial(front, found=results, part=part) for part in FRONTS]
     style.save({path.stem: style.figure_of(6.2, 6.4, plots, share=False)}, path.parent)
 
 
-def branches_text(found):
+def branches_text(results):
     """Return both branches of the limits that have them."""
     rows = []
     for limit in BRANCHED:
         for branch in BRANCHES:
-            solution = found[f"branches/{limit}_{branch}"]
+            solution = results[f"branches/{limit}_{branch}"]
             value = energy(solution)
             if value is None:
                 rows.append((limit, branch, "no success (see below)", "", ""))
                 continue
             rows.append((limit, branch, told(value), loads(solution), fastest(solution)))
-    start = [each.objective_J for each in found["cases/all_oloc"].summary.branches]
+    start = [each.objective_J for each in results["cases/all_oloc"].summary.branches]
     return section(
         "Overspeed and underspeed",
         ("Open loop, each branch optimized from its own start (`start.branch`) and verified:",),
@@ -389,13 +389,13 @@ def branches_text(found):
     )
 
 
-def sequential_text(found):
+def sequential_text(results):
     """Return what designing the blade first costs."""
     rows = []
     for limit in SEQUENTIAL:
-        kept, both = energy(found[f"sequential/{limit}"]), energy(found[f"cases/{limit}_oloc"])
+        kept, both = energy(results[f"sequential/{limit}"]), energy(results[f"cases/{limit}_oloc"])
         rows.append((limit, told(kept), told(both), change(both, kept)))
-    stress = found["free/oloc"].summary.loads["stress"].value / 1e8
+    stress = results["free/oloc"].summary.loads["stress"].value / 1e8
     return section(
         "Blade first, controller second",
         ("The blade of the optimum without the limit, its operation optimized under the limit:",),
@@ -405,11 +405,11 @@ def sequential_text(found):
     )
 
 
-def losses_text(found):
+def losses_text(results):
     """Return what a generator's losses do to the design."""
     rows, pair = [], []
     for objective in ("captured", "electrical"):
-        solution = found[f"losses/{objective}"]
+        solution = results[f"losses/{objective}"]
         summary = solution.summary
         pair.append(summary.electrical_energy_J)
         delivered = told(summary.electrical_energy_J / 1e3 if solution.success else None)
@@ -433,15 +433,15 @@ def turbine(solution):
     if value is None:
         return [f"## {title}", "", "No success."]
     rows = []
-    for name, each in solution.summary.limits.items():
-        if each.share_of_time is None:
+    for name, entry in solution.summary.limits.items():
+        if entry.share_of_time is None:
             continue
-        cells = (measured(number, each.unit, 4) for number in (each.value, each.limit))
-        gain = "-" if each.worth is None else measured(each.worth, "J", 3)
-        rows.append((name, *cells, f"{100.0 * each.share_of_time:.1f} %", gain))
-    told = f"`limits/rm1_turbulent_limits.yaml` captures {value / 1e3:.2f} MJ in ten minutes."
+        cells = (measured(number, entry.unit, 4) for number in (entry.value, entry.limit))
+        gain = "-" if entry.worth is None else measured(entry.worth, "J", 3)
+        rows.append((name, *cells, f"{100.0 * entry.share_of_time:.1f} %", gain))
+    text = f"`limits/rm1_turbulent_limits.yaml` captures {value / 1e3:.2f} MJ in ten minutes."
     return section(
-        title, [told], ("limit", "value", "bound", "active", "gain per +1 % of it"), rows, ()
+        title, [text], ("limit", "value", "bound", "active", "gain per +1 % of it"), rows, ()
     )
 
 

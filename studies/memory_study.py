@@ -182,11 +182,11 @@ def the_map(reference, other, image):
             for share in SHARES:
                 at = np.interp(share, shares[::-1], least[::-1])
                 held = np.interp(share, shares[::-1], slope[::-1])
-                told = f"{at / size:.2g}" if np.isfinite(at) else "none"
+                scaled = f"{at / size:.2g}" if np.isfinite(at) else "none"
                 kg = f"{at:.3g}" if np.isfinite(at) else "none"
-                rows.append((name, what, f"{share:.2f}", told, kg, f"{held:.3g}"))
-    own = design.inertia / (design.plant.density * design.plant.blade.rotor_radius**5)
-    drive = {"the paper's blades alone": own}
+                rows.append((name, what, f"{share:.2f}", scaled, kg, f"{held:.3g}"))
+    blades_alone = design.inertia / (design.plant.density * design.plant.blade.rotor_radius**5)
+    drive = {"the paper's blades alone": blades_alone}
     drive |= {name: inertia / (1000.0 * radius**5) for name, (inertia, radius) in REAL.items()}
     for name, value in drive.items():
         ax.axhline(value, color="0.5", linewidth=0.8)
@@ -217,11 +217,11 @@ def plant_of(case):
     from hkt_mdo.problem.physics import physics
     from hkt_mdo.rotor import bem
 
-    world = physics(case)
-    blade = world.blade
-    inertia = world.rotor.mass_and_inertia(blade)[1]
-    polar = world.rotor.polar
-    return Plant(blade, polar, inertia, world.density, bem.rotor_coefficients)
+    physics_ = physics(case)
+    blade = physics_.blade
+    inertia = physics_.rotor.mass_and_inertia(blade)[1]
+    polar = physics_.rotor.polar
+    return Plant(blade, polar, inertia, physics_.density, bem.rotor_coefficients)
 
 
 def least_inertias(plant, what, flow=1.5):
@@ -261,15 +261,15 @@ def tracking(reference):
             controller = FeedbackTorque(law, np.array([*schedule, kp, kp / reset]))
             loop = Loop.of(plant, controller, speed, flow, torque, flow)
             least = loop.least_inertia[0]
-            told = f"{least:.3g}" if np.isfinite(least) else "none"
-            rows.append((f"{factor:g}", f"{kp:.3g}", f"{reset:g}", f"{loop.growth[0]:+.3g}", told))
+            cell = f"{least:.3g}" if np.isfinite(least) else "none"
+            rows.append((f"{factor:g}", f"{kp:.3g}", f"{reset:g}", f"{loop.growth[0]:+.3g}", cell))
     header = "kp over the slope", "kp, N m s/rad", "kp / ki, s", "growth, 1/s", "stable from kg m²"
-    about = (
+    intro = (
         f"The blade of `sine_limited_quadratic` at 1.7 m/s, tip speed ratio 8.06, not saturated; "
         f"the slope of its torque at frozen wake is {frozen:.3g} N m s/rad. Its rotor has "
         f"{plant.inertia:.3g} kg m²."
     )
-    return [about, "", *markdown_table(header, rows)]
+    return [intro, "", *markdown_table(header, rows)]
 
 
 def overshoot(out):
@@ -309,9 +309,9 @@ def designed(out):
         memory = Solution.load(memory)
         both = quiet, memory
         (run,) = runs_of(quiet, "design", memory=True)
-        found, loop = memory.summary, memory.summary.memory
-        off = percent(found.simulated_energy_J, found.energy_J)
-        gap = {each.name: each.value for each in found.checks}.get("two_filters_speed")
+        summary, loop = memory.summary, memory.summary.memory
+        off = percent(summary.simulated_energy_J, summary.energy_J)
+        gap = {each.name: each.value for each in summary.checks}.get("two_filters_speed")
         verdict = "verified" if memory.success else "refused"
         stable = "stable" if loop is not None and loop.stable else "unstable"
         rows.append(
@@ -319,7 +319,7 @@ def designed(out):
                 label,
                 f"{quiet.summary.simulated_energy_J / 1e3:.2f}",
                 run.outcome.split(";")[0],
-                f"{found.simulated_energy_J / 1e3:.2f}" if found.simulated_energy_J else "-",
+                f"{summary.simulated_energy_J / 1e3:.2f}" if summary.simulated_energy_J else "-",
                 "-" if off is None else f"{off:+.3f} %",
                 "-" if gap is None else f"{100.0 * gap:.2f} %",
                 f"{verdict}, {stable}",
@@ -337,21 +337,21 @@ def designed(out):
 
 def shaft(out):
     """Return what a shaft ends at that is designed at a price, under 700 N m."""
-    found = Solution.load(solved(out / "designed_shaft_oye", "sine_limited_quadratic", SHAFT))
-    told, memory, goal = found.summary, found.summary.memory, found.summary.objective
-    needed = (x.why.partition("from ")[2].split()[0] for x in told.passes if x.remedy)
-    verdict = "verified" if found.success else "refused"
+    solution = Solution.load(solved(out / "designed_shaft_oye", "sine_limited_quadratic", SHAFT))
+    summary, memory, goal = solution.summary, solution.summary.memory, solution.summary.objective
+    needed = (x.why.partition("from ")[2].split()[0] for x in summary.passes if x.remedy)
+    verdict = "verified" if solution.success else "refused"
     row = (
-        f"{told.hub_inertia_kg_m2:.1f}", f"{told.inertia_kg_m2:.1f}",
-        f"{memory.least_inertia_kg_m2:.1f}", f"{told.simulated_energy_J / 1e3:.2f}",
+        f"{summary.hub_inertia_kg_m2:.1f}", f"{summary.inertia_kg_m2:.1f}",
+        f"{memory.least_inertia_kg_m2:.1f}", f"{summary.simulated_energy_J / 1e3:.2f}",
         f"{goal.price:.0f}", f"{goal.simulated / 1e3:.2f}", ", ".join(needed), verdict,
     )  # fmt: skip
     header = (
         "shaft, kg m²", "rotor", "stable from", "captured, kJ", "price paid, J", "objective, kJ",
         "least shaft after each optimization but the last, kg m²", "verdict",
     )  # fmt: skip
-    about = "Quadratic feedback under 700 N m, with a shaft from 0 to 400 kg m² at 20 J/(kg m²):"
-    return [about, "", *markdown_table(header, [row])]
+    intro = "Quadratic feedback under 700 N m, with a shaft from 0 to 400 kg m² at 20 J/(kg m²):"
+    return [intro, "", *markdown_table(header, [row])]
 
 
 def place_of(name, overrides, ending=""):
@@ -367,7 +367,7 @@ def variations(out):
         if not solution.success:
             continue
         (base,) = runs_of(solution, "design", memory=True)
-        time, found = base.simulation.time, []
+        time, cells = base.simulation.time, []
         for constant, value in VARIED.values():
             kept = getattr(filters, constant)
             setattr(filters, constant, value)
@@ -375,19 +375,19 @@ def variations(out):
             speed = np.max(np.abs(run.simulation.speed_at(time) / base.simulation.rotor_speed - 1))
             setattr(filters, constant, kept)
             energy = percent(run.simulation.energy, base.simulation.energy)
-            found.append(f"{energy:+.2f} %, {100.0 * speed:.2f} %")
+            cells.append(f"{energy:+.2f} %, {100.0 * speed:.2f} %")
         gap = percent(solution.summary.energy_J, base.simulation.energy)
         checks = {each.name: each.value for each in solution.summary.checks}
-        own = f"{gap:+.2f} %, {100.0 * checks['two_filters_speed']:.2f} %"
-        rows.append((label, own, *found))
+        two_filters = f"{gap:+.2f} %, {100.0 * checks['two_filters_speed']:.2f} %"
+        rows.append((label, two_filters, *cells))
         print(*rows[-1], flush=True)
-    about = (
+    intro = (
         "The designs with dynamic inflow, simulated with the filters of all stations and other "
         "constants: change of the energy, and largest change of the rotor's speed. The first "
         "column has the same of the optimization's two filters."
     )
     header = "limits, law", "two filters", *VARIED
-    return [about, "", *markdown_table(header, rows)]
+    return [intro, "", *markdown_table(header, rows)]
 
 
 def pulses():
@@ -401,10 +401,10 @@ def pulses():
         problem.run_driver()
         rows.append((f"{100 * pulse:g} %", f"{problem.get_val('energy')[0] / 1e3:.2f}"))
     operation_group.PULSE = kept
-    about = (
+    intro = (
         "Open loop under 700 N m, 60 segments, by how far it may be from the start's wake factor:"
     )
-    return [about, "", *markdown_table(("from the start's", "captured, kJ"), rows)]
+    return [intro, "", *markdown_table(("from the start's", "captured, kJ"), rows)]
 
 
 if __name__ == "__main__":

@@ -49,25 +49,25 @@ def of_formulas():
 def of_blade(solution):
     """Return the sizes of a result's blade."""
     design = solution.design()
-    blade, world = design.blade, design.physics
-    r, hub, density = blade.edges, blade.hub_radius, world.density
+    blade, model = design.blade, design.physics
+    r, hub, density = blade.edges, blade.hub_radius, model.density
     chord, twist = (np.interp(r, blade.r, each) for each in (blade.chord, blade.twist))
-    area = np.broadcast_to(world.rotor.structure.section_area, blade.r.shape)
+    area = np.broadcast_to(model.rotor.structure.section_area, blade.r.shape)
     area = np.interp(r, blade.r, area) * chord**2
-    excess = world.case.rotor.blade_material.density - density
+    excess = model.case.rotor.blade_material.density - density
     speed, flow = solution.simulation["rotor_speed_rad_s"], solution.simulation["inflow_speed_m_s"]
     mean = float(np.mean(speed)), float(np.mean(flow))
-    sections = bem.sections(blade, world.rotor.polar, mean[0] * blade.rotor_radius / mean[1])
+    sections = bem.sections(blade, model.rotor.polar, mean[0] * blade.rotor_radius / mean[1])
     load = 0.5 * density * mean[1] ** 2 * sections.tangential_load[0]
     dragged = density * np.pi * (0.5 * chord) ** 2 * (np.sin(twist) * r) ** 2
-    place = np.argmin(np.abs(blade.r / blade.tip_radius - 0.7))
-    relative = sections.relative_speed[0, place] * mean[1]
-    times = [0.5 * blade.chord[place] / relative / each for each in JONES]
+    station = np.argmin(np.abs(blade.r / blade.tip_radius - 0.7))
+    relative = sections.relative_speed[0, station] * mean[1]
+    times = [0.5 * blade.chord[station] / relative / each for each in JONES]
     sizes = {
         "weight_moment_Nm": GRAVITY * trapezoid(excess * area * (r - hub), r),
         "edgewise_moment_Nm": trapezoid(np.interp(r, blade.r, load) * (r - hub), r),
         "added_share_of_inertia": blade.blade_count * trapezoid(dragged, r) / design.inertia,
-        "ellipses_share_of_inertia": world.rotor.water_inertias(blade)["ellipse"] / design.inertia,
+        "ellipses_share_of_inertia": model.rotor.water_inertias(blade)["ellipse"] / design.inertia,
         "slow_time_s": times[0],
         "fast_time_s": times[1],
     }

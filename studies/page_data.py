@@ -52,7 +52,7 @@ COMMAND = re.compile(r"`((?:python )?(?:scripts/|studies/|-m )[^`\n]*|make \w+[^
 
 def numbers_of(page):
     """Return the numbers of the sentences, and the rows of the tables, by the page's headings."""
-    found = {}
+    sections = {}
     page = re.sub(r"(?ms)^```.*?^```|^\$\$$.*?^\$\$$|^ {4,}[^|\n]*$", "", page)
     for part in re.split(r"(?m)^(?=#+ )", page):
         title, _, body = part.partition("\n")
@@ -64,10 +64,10 @@ def numbers_of(page):
         ]
         text = bare("\n".join(line for line in lines if not line.startswith("|")))
         numbers = [each for each in re.findall(NUMBER, text) if RESULT.search(each)]
-        known = {"sentences": numbers, "rows": rows}
+        section = {"sentences": numbers, "rows": rows}
         if numbers or rows:
-            found[title.lstrip("# ")] = {key: each for key, each in known.items() if each}
-    return found
+            sections[title.lstrip("# ")] = {key: each for key, each in section.items() if each}
+    return sections
 
 
 def bare(text):
@@ -86,13 +86,13 @@ def record(page, **results):
     `results` are those of which the page was written; without them, those recorded earlier stay.
     """
     text = text_of(page)
-    known = read(page) if (DATA / f"{page}.json").exists() else {}
+    earlier = read(page) if (DATA / f"{page}.json").exists() else {}
     numbers = numbers_of(text)
-    same = [*known.get("numbers", {}).values()] == [*numbers.values()]  # maybe under new headings
-    data = {"commands": known.get("commands") or sorted(set(COMMAND.findall(text)))}
-    written = {name: known[name] for name in known if name not in ("numbers", *STAMP, *data)}
+    same = [*earlier.get("numbers", {}).values()] == [*numbers.values()]  # maybe under new headings
+    data = {"commands": earlier.get("commands") or sorted(set(COMMAND.findall(text)))}
+    written = {name: earlier[name] for name in earlier if name not in ("numbers", *STAMP, *data)}
     old = not results and (same or written)
-    data |= {name: known[name] for name in STAMP} if old else stamp()
+    data |= {name: earlier[name] for name in STAMP} if old else stamp()
     write(page, {**data, **written, **results, "numbers": numbers})
 
 

@@ -38,18 +38,18 @@ def main():
         blade = build_turbine(Rotor(stations=tuple(r), radius=0.4), Fluid(), 1.0).blade
         error = bem.rotor_coefficients(blade, polar, measured["TSR"]).power - measured["Cp"]
         rms = np.sqrt(np.mean(error**2))
-        found = bem.rotor_coefficients(blade, polar, ratios)
+        curve = bem.rotor_coefficients(blade, polar, ratios)
         text = f"BEM, {label} (rms error {rms:.3f})"
-        ax.plot(ratios, found.power, line, color="0.25", label=text)
+        ax.plot(ratios, curve.power, line, color="0.25", label=text)
         share = bem.rotor_coefficients(blade, polar, thrust["TSR"]).thrust / thrust["Ct"] - 1.0
         text = f"{100 * np.min(share):.1f} to {100 * np.max(share):.1f} %"
         print(f"thrust of BEM against the measured one, {label}: {text}")
-        below.plot(ratios, found.thrust, line, color="0.25", label=f"BEM, {label} ({text})")
-    for axes, name, place in ((ax, "power coefficient $C_P$", "left"),
+        below.plot(ratios, curve.thrust, line, color="0.25", label=f"BEM, {label} ({text})")
+    for axes, name, side in ((ax, "power coefficient $C_P$", "left"),
                               (below, "thrust coefficient $C_T$", "right")):  # fmt: skip
         axes.set_ylabel(f"{name} (-)")
         axes.grid(True, color="0.88", linewidth=0.6)
-        axes.legend(loc=f"lower {place}", fontsize=9)
+        axes.legend(loc=f"lower {side}", fontsize=9)
     ax.set_ylim(0.0, 0.55)
     below.set_xlabel("tip speed ratio (-)")
     image = Path(sys.argv[1])

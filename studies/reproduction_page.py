@@ -24,8 +24,8 @@ def main():
         path.parent.name: json.loads(path.read_text(encoding="utf-8"))["certified_gap"]
         for path in sorted(folder.glob("cases/*/summary.json"))
     }
-    found = {name: paper[name] for name in PARTS}
-    page_data.record("reproduction", paper=found, certified_gap=gaps)
+    parts = {name: paper[name] for name in PARTS}
+    page_data.record("reproduction", paper=parts, certified_gap=gaps)
     data = page_data.read("reproduction")
     for text in (*shown(data), *certificates(data)):
         print(text)
@@ -38,8 +38,8 @@ def shown(data):
     step, free, limited = (paper["tables"][name] for name in ("step", "sine", "sine_limited"))
     lost = {
         law: [
-            100.0 * (1.0 - each[law]["energy_J"] / each["oloc_redesigned"]["energy_J"])
-            for each in flows.values()
+            100.0 * (1.0 - flow[law]["energy_J"] / flow["oloc_redesigned"]["energy_J"])
+            for flow in flows.values()
         ]
         for law in ("linear", "quadratic")
     }
@@ -93,14 +93,14 @@ def certificates(data):
     """Return the rows of the table of certificates: open loop, quadratic, linear."""
     gap = data["certified_gap"]
 
-    def told(name, digits=3):
+    def percent(name, digits=3):
         return "0" if abs(gap[name]) < 1e-6 else f"{100.0 * gap[name]:.{digits}f} %"
 
     rows = []
     for flow, title in {"step": "step", "sine": "sine", "sine_limited": "sine, 700 N m"}.items():
-        baseline = f" (baseline blade: {told('sine_baseline_oloc')})" if flow == "sine" else ""
-        cells = told(f"{flow}_oloc") + baseline, told(f"{flow}_quadratic")
-        rows.append(f"| {title} | {' | '.join(cells)} | {told(f'{flow}_linear', 2)} |")
+        baseline = f" (baseline blade: {percent('sine_baseline_oloc')})" if flow == "sine" else ""
+        cells = percent(f"{flow}_oloc") + baseline, percent(f"{flow}_quadratic")
+        rows.append(f"| {title} | {' | '.join(cells)} | {percent(f'{flow}_linear', 2)} |")
     return rows
 
 

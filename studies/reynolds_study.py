@@ -82,18 +82,18 @@ def describe(solution, local=None):
 
 def in_local_polars(invariant, local):
     """Return the energy (J) of an invariant feedback design in the flow with local polars."""
-    world = physics(local.case)
+    physics_ = physics(local.case)
     design = invariant.design()
-    inertia = world.rotor.mass_and_inertia(design.plant.blade)[1]
-    plant = replace(design.plant, polar=world.rotor.polar, inertia=inertia)
-    found = replace(design, plant=plant).simulate(world.inflow)
-    return None if found.stopped_at is not None else found.energy
+    inertia = physics_.rotor.mass_and_inertia(design.plant.blade)[1]
+    plant = replace(design.plant, polar=physics_.rotor.polar, inertia=inertia)
+    simulation = replace(design, plant=plant).simulate(physics_.inflow)
+    return None if simulation.stopped_at is not None else simulation.energy
 
 
 def reynolds_range(solution):
     """Return the smallest and the largest Reynolds number of the stations."""
-    world, summary = physics(solution.case), solution.summary
-    blade = world.blade.with_shape(summary.chord_m, np.deg2rad(summary.twist_deg))
+    physics_, summary = physics(solution.case), solution.summary
+    blade = physics_.blade.with_shape(summary.chord_m, np.deg2rad(summary.twist_deg))
     ratio, flow = (np.array(solution.simulation[key]) for key in
                    ("tip_speed_ratio", "inflow_speed_m_s"))  # fmt: skip
     local = blade.r / blade.tip_radius * ratio[:, None]
@@ -110,19 +110,19 @@ def rows(results, cases, variants):
     for case in cases:
         law, limit = CASES[case]
         for variant in variants:
-            found = results[variant][case]
+            result = results[variant][case]
             best = results[variant][case.rpartition("_")[0] + "_oloc"]["energy_J"]
-            less = 100.0 * (found["energy_J"] / best - 1.0)
+            less = 100.0 * (result["energy_J"] / best - 1.0)
             apart = ""
-            if "in_local_polars_J" in found:
-                energy = found["in_local_polars_J"]
+            if "in_local_polars_J" in result:
+                energy = result["in_local_polars_J"]
                 design = results[variant.replace("invariant", "local")][case]["energy_J"]
                 apart = f"{100.0 * (energy / design - 1.0):+.2f} %" if energy else "stops"
-            gain = "" if found["gain"] is None else f"{found['gain']:.4g}"
-            cells = law, limit, variant.rpartition("_")[2], found["success"]
-            cells += f"{found['energy_J'] / 1e3:.2f}", f"{less:+.3f} %", gain
-            cells += f"{found['power_coefficient']:.4f}", f"{found['tip_speed_ratio']:.2f}"
-            lines.append((*cells, f"{found['chord_m']:.4f}", apart))
+            gain = "" if result["gain"] is None else f"{result['gain']:.4g}"
+            cells = law, limit, variant.rpartition("_")[2], result["success"]
+            cells += f"{result['energy_J'] / 1e3:.2f}", f"{less:+.3f} %", gain
+            cells += f"{result['power_coefficient']:.4f}", f"{result['tip_speed_ratio']:.2f}"
+            lines.append((*cells, f"{result['chord_m']:.4f}", apart))
     return "\n".join(markdown_table(header, lines))
 
 
@@ -139,15 +139,15 @@ def main():
         for variant, overrides in VARIANTS.items()
         for case in (BIG if variant.startswith("large") else CASES)
     }
-    found = run_batch(plan, arguments.jobs, lambda folder, word: print(folder, word, flush=True))
+    runs = run_batch(plan, arguments.jobs, lambda folder, word: print(folder, word, flush=True))
     results = {variant: {} for variant in VARIANTS}
-    for variant, each in results.items():
+    for variant, entries in results.items():
         for case in BIG if variant.startswith("large") else CASES:
             local = None
             if variant.endswith("invariant"):
-                local = found[arguments.out / variant.replace("invariant", "local") / case]
-            each[case] = describe(found[arguments.out / variant / case], local)
-    numbers = reynolds_range(found[arguments.out / "local" / "sine_oloc"])
+                local = runs[arguments.out / variant.replace("invariant", "local") / case]
+            entries[case] = describe(runs[arguments.out / variant / case], local)
+    numbers = reynolds_range(runs[arguments.out / "local" / "sine_oloc"])
     page_data.page_from("reynolds", from_data, results=results, reynolds=numbers)
 
 

@@ -76,19 +76,19 @@ def main():
     parser.add_argument("--out", type=Path, default=Path("results/robust"))
     parser.add_argument("--jobs", type=int, default=None, help="processes (default: one a core)")
     parser.add_argument("--flows", type=int, default=50, help="unseen minutes of each river")
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     report = partial(print, flush=True)
     keys = [*product(LAWS, DESIGNS)]
-    folders = {key: given.out / "_".join(key) for key in keys}
+    folders = {key: arguments.out / "_".join(key) for key in keys}
     cases = {folder: case(*key) for key, folder in folders.items()}
-    designs = dict(zip(keys, run_nested(cases, given.jobs, report).values(), strict=True))
+    designs = dict(zip(keys, run_nested(cases, arguments.jobs, report).values(), strict=True))
     scores, tasks = {}, {}
     for key, (state, river) in product(keys, product(STATES, RIVERS)):
         if designs[key] is None or not designs[key].success:
             continue
         file = folders[key] / f"{river}_{state}.json".replace(" ", "_")
         tasks[key, f"{river}, {state}"] = partial(
-            simulated, folders[key], file, river, state, given.flows
+            simulated, folders[key], file, river, state, arguments.flows
         )
 
     def ended(task, future):
@@ -96,10 +96,10 @@ def main():
         scores.setdefault("; ".join(key), {})[name] = future.result()
         report(*key, name)
 
-    in_processes(tasks.items(), given.jobs, ended)
+    in_processes(tasks.items(), arguments.jobs, ended)
     results = {
         "designs": {
-            "; ".join(key): page_data.of_result(each, SHOWN) for key, each in designs.items()
+            "; ".join(key): page_data.of_result(design, SHOWN) for key, design in designs.items()
         },
         "scores": {name: dict(sorted(scores[name].items())) for name in sorted(scores)},
     }
@@ -125,9 +125,9 @@ def simulated(folder, file, river, state, count):
     solution = Solution.load(folder)
     design = {"digest": solution.summary.digest, "chord_m": solution.summary.chord_m}
     if file.exists():
-        known = json.loads(file.read_text(encoding="utf-8"))
-        if known.pop("design") == design and len(known["power_W"]) == count:
-            return known
+        record = json.loads(file.read_text(encoding="utf-8"))
+        if record.pop("design") == design and len(record["power_W"]) == count:
+            return record
     changed = replace_turbine(solution, state)
     minutes = {name: [] for name in ("power_W", "excess", "limit", "broken", "stops")}
     for seed in range(FIRST_UNSEEN, FIRST_UNSEEN + count):
@@ -192,7 +192,7 @@ def unseen(scores):
     header += ["largest excess, %", "rotor stops"]
     for river in RIVERS:
         rows = []
-        for name, minutes in ((name, known[f"{river}, as new"]) for name, known in scores.items()):
+        for name, minutes in ((name, score[f"{river}, as new"]) for name, score in scores.items()):
             law, design = name.split("; ")
             nominal = np.array(scores[f"{law}; nominal"][f"{river}, as new"]["power_W"])
             power = np.array(minutes["power_W"])
@@ -210,16 +210,16 @@ def unseen(scores):
 def fouled(scores):
     """Return the table of fouled sections, over the same minutes as new."""
     rows = []
-    for name, known in scores.items():
+    for name, score in scores.items():
         cells = []
         for river in RIVERS:
-            new, worn = (known[f"{river}, {state}"] for state in STATES)
+            new, worn = (score[f"{river}, {state}"] for state in STATES)
             before, power = (np.array(minutes["power_W"]) for minutes in (new, worn))
             cells += [f"{np.mean(power):.1f}", interval(100.0 * (power - before) / np.mean(before))]
             cells.append(f"{100.0 * np.mean(worn['broken']):.0f}")
         rows.append([*name.split("; "), *cells])
-    each = ["mean power, W", "change, %", "minutes that break a limit, %"]
-    header = ["law", "design", *(f"{river}: {x}" for river in RIVERS for x in each)]
+    columns = ["mean power, W", "change, %", "minutes that break a limit, %"]
+    header = ["law", "design", *(f"{river}: {x}" for river in RIVERS for x in columns)]
     words = (
         f"{FOULED['lift']:g} of the lift and {FOULED['drag']:g} of the drag. Change against the "
         "same minutes as new."

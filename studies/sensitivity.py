@@ -58,12 +58,12 @@ def main():
         for variant, overrides in VARIANTS.items()
         for case in CASES
     }
-    found = run_batch(
+    solutions = run_batch(
         plan, arguments.jobs, lambda path, word: print(f"  {path}: {word}", flush=True)
     )
 
     results = {
-        variant: {case: _shown(found[folder(variant, case)]) for case in CASES}
+        variant: {case: _shown(solutions[folder(variant, case)]) for case in CASES}
         for variant in VARIANTS
     }
     page_data.page_from("sensitivity", from_data, results=results)
@@ -101,8 +101,8 @@ def from_data(data):
         for law_2, law_1 in (CASES[:2], CASES[2:]):
             change = of_case[law_2]["mean_power_W"] / base[law_2]["mean_power_W"] - 1.0
             cells += [f"{100.0 * change:+.3f} %", f"{of_case[law_2]['tip_speed_ratio']:.2f}"]
-            for each in (of_case[law_2], of_case[law_1]):
-                cells.append(f"{each['gain']:.2f}" + ("" if each["success"] else " (no success)"))
+            for run in (of_case[law_2], of_case[law_1]):
+                cells.append(f"{run['gain']:.2f}" + ("" if run["success"] else " (no success)"))
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 

@@ -96,11 +96,11 @@ def main():
         for law in LAWS
     }
     # one at a time: the wall times count
-    found = run_batch(
+    solutions = run_batch(
         plan, 1, lambda path, word: print(f"  {path}: {word}", flush=True), records=False
     )
     results = {variant: {} for variant in VARIANTS}
-    for path, solution in found.items():
+    for path, solution in solutions.items():
         results[path.parent.name][path.name] = _shown(solution)
     page_data.page_from("stations", from_data, results=results)
 
@@ -124,15 +124,15 @@ def _shown(solution):
 
 def from_data(data):
     """Return the page of its data."""
-    found = {(name, law): x for name, of in data["results"].items() for law, x in of.items()}
-    energy = {key: each["energy_J"] for key, each in found.items()}
+    results = {(name, law): x for name, of in data["results"].items() for law, x in of.items()}
+    energy = {key: each["energy_J"] for key, each in results.items()}
 
     def cost(variant, law):
         """Return the relative difference to the most stations, in per cent."""
         return 100.0 * (energy[variant, law] / energy[f"count_{COUNTS[-1]}", law] - 1.0)
 
     def effort(variant, law):
-        one = found[variant, law]
+        one = results[variant, law]
         mark = "" if one["success"] else " (no success)"
         return f"{one['iterations']} iterations, {one['wall_time_s']:.1f} s{mark}"
 
@@ -214,7 +214,7 @@ def from_data(data):
     for law in LAWS:
         for label, variant in ((f"{law}, free", "free"), (f"{law}, splines", f"count_{FREE}")):
             over = 100.0 * (energy[variant, law] / energy[f"count_{FREE}", law] - 1.0)
-            one = found[variant, law]
+            one = results[variant, law]
             low, high = one["angle_of_attack_deg"]
             lines.append(
                 f"| {label} | {energy[variant, law]:.1f} | {over:+.3f} % | "
@@ -224,7 +224,7 @@ def from_data(data):
             )
     lines += [
         "",
-        f"{sum(found['free', law]['success'] for law in LAWS)} of {len(LAWS)} free designs are a "
+        f"{sum(results['free', law]['success'] for law in LAWS)} of {len(LAWS)} free designs are a "
         "success.",
         "",
         FREE_WHY,
@@ -290,11 +290,11 @@ def _flow(solution):
     from hkt_mdo.problem.physics import physics
     from hkt_mdo.rotor import bem
 
-    summary, world = solution.summary, physics(solution.case)
-    blade = world.blade.with_shape(summary.chord_m, np.deg2rad(summary.twist_deg))
-    found = bem.sections(blade, world.rotor.polar, summary.tip_speed_ratio.mean)
-    angle = np.rad2deg(found.angle_of_attack)
-    high = np.count_nonzero(found.axial_induction > 0.5)
+    summary, physics_ = solution.summary, physics(solution.case)
+    blade = physics_.blade.with_shape(summary.chord_m, np.deg2rad(summary.twist_deg))
+    sections = bem.sections(blade, physics_.rotor.polar, summary.tip_speed_ratio.mean)
+    angle = np.rad2deg(sections.angle_of_attack)
+    high = np.count_nonzero(sections.axial_induction > 0.5)
     return float(angle.min()), float(angle.max()), int(high)
 
 

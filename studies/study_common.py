@@ -91,8 +91,8 @@ def with_blade(case: Case, chord: Iterable[float], twist: Iterable[float], desig
     Case
         The case with this blade at the start.
     """
-    own = build_turbine(case.rotor, case.fluid, 1.0).blade
-    columns = {"stations": own.r / own.tip_radius, "chord": chord, "twist": twist}
+    blade = build_turbine(case.rotor, case.fluid, 1.0).blade
+    columns = {"stations": blade.r / blade.tip_radius, "chord": chord, "twist": twist}
     shape: dict = {name: tuple(map(float, values)) for name, values in columns.items()}
     shape["station_count"] = None
     changed = {"rotor": case.rotor.model_copy(update=shape)}
@@ -120,24 +120,24 @@ def run_nested(
     dict of (Solution or None)
         As of `run_batch`.
     """
-    found = run_batch(cases, jobs, done, records=False)
+    solutions = run_batch(cases, jobs, done, records=False)
     run = partial(run_case, force=True, figures=False, records=False)
     tried: set[tuple[Path, Path]] = set()
-    folders = {found[folder].folder: folder for folder in cases if found[folder]}
+    folders = {solutions[folder].folder: folder for folder in cases if solutions[folder]}
     while True:
-        known = dominated(filter(None, found.values()))
-        pairs = {folders[each.result.folder]: each.by.folder for each in known}
+        entries = dominated(filter(None, solutions.values()))
+        pairs = {folders[each.result.folder]: each.by.folder for each in entries}
         pairs = {key: value for key, value in pairs.items() if (key, value) not in tried}
         if not pairs:
-            return found
+            return solutions
         tried |= {*pairs.items()}
 
         def ended(folder, future):
             better, why = outcome(future)  # where it failed, the result that there was stays
-            found[folder] = better or found[folder]
+            solutions[folder] = better or solutions[folder]
             done(folder, why or ("better from another's design" if better else "not better"))
 
-        again = {x: partial(improved, found[x], cases[x], pairs[x], run) for x in pairs}
+        again = {x: partial(improved, solutions[x], cases[x], pairs[x], run) for x in pairs}
         in_processes(again.items(), jobs, ended)
 
 

@@ -39,10 +39,10 @@ def main():
         for row, limits in ROWS.items()
         for law, changes in LAWS.items()
     }
-    found = [*run_batch(cases, 1, partial(print, flush=True), records=False).values()]
+    solutions = [*run_batch(cases, 1, partial(print, flush=True), records=False).values()]
     results = {}
     for i, row in enumerate(ROWS):
-        energies = [x.summary.simulated_energy_J if x and x.success else None for x in found]
+        energies = [x.summary.simulated_energy_J if x and x.success else None for x in solutions]
         results[row] = dict(zip(LAWS, energies[i * len(LAWS) : (i + 1) * len(LAWS)], strict=True))
     page_data.page_from("tracking", from_data, simulated_energy_J=results)
 

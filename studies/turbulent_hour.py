@@ -138,19 +138,19 @@ def from_data(data: dict) -> str:
     """Return the page of its data; its last section is written by hand, and stays."""
     results, checks, spent = [], [], []
     best = data["results"]["oloc"]["simulated_energy_J"]
-    for law, found in data["results"].items():
-        energy, (low, high) = found["simulated_energy_J"], found["tip_speed_ratio"]
-        gain = "" if found["gain"] is None else f"{found['gain']:.4g}"
+    for law, entry in data["results"].items():
+        energy, (low, high) = entry["simulated_energy_J"], entry["tip_speed_ratio"]
+        gain = "" if entry["gain"] is None else f"{entry['gain']:.4g}"
         results.append(
-            f"| {LAWS[law]} | {'yes' if found['success'] else 'no: ' + found['message']} | "
+            f"| {LAWS[law]} | {'yes' if entry['success'] else 'no: ' + entry['message']} | "
             f"{energy / 1e6:.4f} | {100.0 * (energy / best - 1.0):+.4f} % | "
-            f"{100.0 * energy / found['energy_bound_J']:.3f} % | {gain} | {low:.2f} to {high:.2f} |"
+            f"{100.0 * energy / entry['energy_bound_J']:.3f} % | {gain} | {low:.2f} to {high:.2f} |"
         )
-        counts = f"{found['segments']} | {found['segments'] + 1} | {found['evaluations']}"
-        errors = " | ".join(f"{error:.1e}" for error in found["errors"])
+        counts = f"{entry['segments']} | {entry['segments'] + 1} | {entry['evaluations']}"
+        errors = " | ".join(f"{error:.1e}" for error in entry["errors"])
         checks.append(f"| {LAWS[law]} | {counts} | {errors} |")
         spent.append(
-            f"| {LAWS[law]} | {found['seconds'] / 60.0:.1f} min | {found['bytes'] / 1e9:.2f} GB |"
+            f"| {LAWS[law]} | {entry['seconds'] / 60.0:.1f} min | {entry['bytes'] / 1e9:.2f} GB |"
         )
     return PAGE.format(
         flow="von Kármán turbulence of {mean:.2f} m/s with a standard deviation of "
