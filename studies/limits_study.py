@@ -322,13 +322,13 @@ def shadow_prices(results):
             if not (solution and solution.success):
                 continue
             for name, entry in solution.summary.limits.items():
-                if not entry.binding or entry.worth is None:
+                if not entry.binding or entry.shadow_price is None:
                     continue
                 at = f"at most {measured(entry.limit, entry.unit, 4)}"
                 share = f"{100.0 * entry.share_of_time:.1f} %"
-                gain = f"{1e-1 * entry.worth / energy(solution):.3f} %"
-                worth = measured(entry.worth, "J", 3)
-                rows.append((f"{limit}_{law}", name, at, share, worth, gain))
+                gain = f"{1e-1 * entry.shadow_price / energy(solution):.3f} %"
+                price = measured(entry.shadow_price, "J", 3)
+                rows.append((f"{limit}_{law}", name, at, share, price, gain))
     return section(
         "What one per cent more would give",
         (),
@@ -437,7 +437,7 @@ def turbine(solution):
         if entry.share_of_time is None:
             continue
         cells = (measured(number, entry.unit, 4) for number in (entry.value, entry.limit))
-        gain = "-" if entry.worth is None else measured(entry.worth, "J", 3)
+        gain = "-" if entry.shadow_price is None else measured(entry.shadow_price, "J", 3)
         rows.append((name, *cells, f"{100.0 * entry.share_of_time:.1f} %", gain))
     text = f"`limits/rm1_turbulent_limits.yaml` captures {value / 1e3:.2f} MJ in ten minutes."
     return section(

@@ -52,12 +52,12 @@ def test_case_under_limits_has_those_of_its_name(path):
 
 
 @pytest.mark.slow
-def test_all_limits_hold_and_the_worth_of_each_is_reported(solve):
+def test_all_limits_hold_and_the_shadow_price_of_each_is_reported(solve):
     summary = solve("limits/all_oloc", "phase.segments=40", "phase.duration=20").summary
     assert summary.success, summary.message
     for entry in summary.limits.values():
         assert entry.value <= entry.limit * (1.0 + 1e-4)
-        assert entry.binding or entry.worth < 1.0
+        assert entry.binding or entry.shadow_price < 1.0
     assert {"power", "thrust"} <= {name for name, each in summary.limits.items() if each.binding}
 
 

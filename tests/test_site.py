@@ -48,5 +48,5 @@ def test_site_is_built_and_shows_what_the_notebooks_print(tmp_path):
     for path in DOCS.glob("*.md"):
         assert not re.search(r"<a [^>]*>(<span[^>]*>)*[\w/]+\.md<", page(path.stem)), path
     limits = page("tutorials/limits")
-    worth, gain = re.search(r"worth of one per cent: (\d+) J; found.*?: (\d+) J", limits).groups()
-    assert float(gain) == pytest.approx(float(worth), rel=0.1)
+    price, gain = re.search(r"gain of one per cent: (\d+) J; found.*?: (\d+) J", limits).groups()
+    assert float(gain) == pytest.approx(float(price), rel=0.1)

@@ -91,7 +91,7 @@ class LoadEntry(_Entry):
 
     Of a limit it is the value closest to the bound `limit`, the smallest of a `lower` one, with
     whether that is reached. Of a limit over time also in which share of the time it binds, and its
-    worth, by how much the objective (J) would grow with a limit one per cent larger.
+    shadow price, by how much the objective (J) would grow with a limit one per cent larger.
     """
 
     value: _Number = None
@@ -101,7 +101,7 @@ class LoadEntry(_Entry):
     lower: bool = False
     binding: bool | None = None
     share_of_time: _Number = None
-    worth: _Number = None
+    shadow_price: _Number = None
     time_s: _Number = None
     r_m: _Number = None
     """Where along the blade, if it is a load along the blade."""
@@ -141,7 +141,7 @@ class LoadEntry(_Entry):
         word = f"margin {max(0.0, left):.2f} %" if within else f"exceeded by {-left:.2f} %"
         if not self.binding or (not within and self.share_of_time is None):
             return word
-        share, price = self.share_of_time, self.worth
+        share, price = self.share_of_time, self.shadow_price
         verb = "give" if (price or 0.0) >= 0.0 else "lose"
         return joined(
             word,

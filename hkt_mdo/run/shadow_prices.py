@@ -9,9 +9,9 @@ from hkt_mdo.problem.operation_group import between_of, constraint_of
 from hkt_mdo.run.checks import Checked
 from hkt_mdo.solve.multipliers import State, gain, multipliers
 
-MORE = 1e-2  # share of the limit for which the worth is reported
+MORE = 1e-2  # share of the limit for which the shadow price is reported
 STEP = 1e-5  # of the limit, by which it is changed: a law saturates steeply
-FAR = 0.05  # relative distance from its bound beyond which the worth of a limit is zero
+FAR = 0.05  # relative distance from its bound beyond which the shadow price of a limit is zero
 
 
 def shadow_prices(optimum: Checked) -> dict[str, float]:

@@ -197,7 +197,7 @@ def _extremes(finished, scenarios):
             limits[limit.name] = entry.model_dump(exclude_unset=True)
     over_time = _over_time(finished.verifications, with_scenario=len(scenarios) > 1)
     prices = shadow_prices(finished)
-    limits |= {name: x | {"worth": prices.get(name)} for name, x in over_time.items()}
+    limits |= {name: x | {"shadow_price": prices.get(name)} for name, x in over_time.items()}
     (first, *others) = scenarios.values()
     blade = finished.result.point.blade
     pairs = [(run.rotor, run.simulated) for run in finished.verifications]

@@ -28,18 +28,6 @@ def _scratch(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(map(str, (ROOT, Path(__file__).parent))))
 
 
-@pytest.fixture(scope="session")
-def measured():
-    """What the benchmarks of this session have found, by name: `report.py` makes a page of it."""
-    return {}
-
-
-@pytest.fixture(autouse=True)
-def _keep(request, measured):
-    if "benchmark" in request.fixturenames:
-        measured[request.node.name] = request.getfixturevalue("benchmark").extra_info
-
-
 @pytest.fixture
 def full(benchmark):
     """Whether this is a real measurement: of the full size, its times asserted."""

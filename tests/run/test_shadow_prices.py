@@ -1,4 +1,4 @@
-"""What one per cent more of a limit is worth, held to optimizing again."""
+"""What one per cent more of a limit gives, held to optimizing again."""
 
 import numpy as np
 import pytest
@@ -9,8 +9,8 @@ CASE = "sine_limited_oloc"
 FEW = "phase.segments=30", f"rotor.stations={NINE}"
 
 
-def worth(solution, name):
-    return solution.summary.limits[name].worth
+def price(solution, name):
+    return solution.summary.limits[name].shadow_price
 
 
 @pytest.mark.slow
@@ -19,14 +19,14 @@ def test_torque(solve, law):
     control = "control={{law: {}, torque_limit: {}}}"
     first, more = (solve(CASE, control.format(law, limit)) for limit in (700.0, 707.0))
     gained = more.summary.energy_J - first.summary.energy_J
-    assert worth(first, "control_torque") == pytest.approx(gained, rel=0.1)
+    assert price(first, "control_torque") == pytest.approx(gained, rel=0.1)
     assert gained > 50.0
 
 
 @pytest.mark.slow
 def test_optimizers_agree(solve):
     ipopt, slsqp = (
-        worth(solve(CASE, "control.law=quadratic", f"driver.optimizer={name}"), "control_torque")
+        price(solve(CASE, "control.law=quadratic", f"driver.optimizer={name}"), "control_torque")
         for name in ("IPOPT", "SLSQP")
     )
     assert slsqp == pytest.approx(ipopt, rel=0.01)
@@ -40,7 +40,7 @@ def test_others(solve, name, bound, larger, monkeypatch):
     monkeypatch.setattr("hkt_mdo.solve.multipliers.FULL", 1.0)  # as with many segments
     first, more = (solve(CASE, *FEW, f"limits.{name}={each}") for each in (bound, larger))
     gained = more.summary.energy_J - first.summary.energy_J
-    assert worth(first, name) == pytest.approx(gained, rel=0.1)
+    assert price(first, name) == pytest.approx(gained, rel=0.1)
     assert first.summary.limits[name].binding
 
 
@@ -53,8 +53,8 @@ def test_share_of_time(solve):
     assert low < entry.share_of_time < high
 
 
-def test_no_worth_without_binding(solve):
+def test_without_binding_it_is_zero(solve):
     entry = solve("sine_quadratic", "control.torque_limit=1200").summary.limits["control_torque"]
     assert not entry.binding
     assert entry.share_of_time == 0.0
-    assert abs(entry.worth) < 1e-3
+    assert abs(entry.shadow_price) < 1e-3
