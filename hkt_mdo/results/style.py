@@ -14,6 +14,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import TightLayoutEngine
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from hkt_mdo.errors import InputError
@@ -46,8 +47,7 @@ def figure_of(
     `share`: how many, up to the lowest, have one horizontal axis; None: all. Axes in scale are as
     high as what they show, and change the height of the figure.
     """
-    figure = Figure(figsize=(width, height), layout="tight")
-    FigureCanvasAgg(figure)
+    figure = Figure(figsize=(width, height))
     if title:
         figure.suptitle(title.replace("$", r"\$"), fontsize=FONT_SIZE + 1.5)
     grid = figure.add_gridspec(len(plots), 1)
@@ -72,6 +72,7 @@ def figure_of(
     figure.align_ylabels()
     rows = legend(figure.axes)
     figure.set_figheight(BESIDES + sum(heights) + 0.16 * max(0, rows - 2))
+    TightLayoutEngine().execute(figure)
     return figure
 
 

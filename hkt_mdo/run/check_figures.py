@@ -35,9 +35,8 @@ def save_check_figures(report: CheckReport, folder: Path) -> list[Path]:
         charts[name] = [*_flow_panels(flow, findings.rated_speed)]
     charts["coefficients"] = [_power_panel(findings)]
     for name, panels in charts.items():
-        width, height = SIZES.get(name, (6.8, 2.6))
         title = f"{findings.case.name}: {name.replace('_', ' ')}"
-        figures[name] = style.figure_of_panels(panels, width, height, title)
+        figures[name] = style.figure_of_panels(panels, *SIZES.get(name, (6.8, 2.6)), title)
     return style.save(figures, folder)
 
 
