@@ -8,6 +8,7 @@ import pytest
 from tests.conftest import NINE
 
 TRACKING = "control={law: tracking, torque_limit: 700}"
+SHORT = "phase={duration: 26, segments: 26}", f"rotor.stations={NINE}"  # one period
 
 
 @pytest.mark.slow
@@ -54,7 +55,7 @@ def test_power_limit_is_kept_by_overspeed(solve):
     There are several optima, 0.2 and 0.6 % below open loop, and the BLAS kernel decides which one
     is found. That with open loop's blade is the same with all of them, and one of the designs here.
     """
-    power = "limits.power=5 kW", "start.branch=overspeed", f"rotor.stations={NINE}"
+    power = "limits.power=5 kW", "start.branch=overspeed", *SHORT
     best, solution = solve("sine_oloc", *power), solve("sine_oloc", TRACKING, *power)
     chord, twist = (best.blade[name].tolist() for name in ("chord_m", "twist_deg"))
     fixed = f"rotor.chord={chord}", f"rotor.twist={twist}", "design.blade=fixed"
@@ -68,7 +69,7 @@ def test_power_limit_is_kept_by_overspeed(solve):
 def test_power_limit_is_kept_by_underspeed(solve):
     """Within half a per cent of open loop, which no law of the speed alone can."""
     tracking = "control={law: tracking, knots: 12, proportional_gain: 300, integral_gain: 6000}"
-    power = "limits.power=5 kW", "start.branch=underspeed", f"rotor.stations={NINE}"
+    power = "limits.power=5 kW", "start.branch=underspeed", *SHORT
     solution, best = solve("sine_oloc", tracking, *power), solve("sine_oloc", *power)
     assert energy(solution) == pytest.approx(energy(best), rel=5e-3)
     assert along(solution) < -0.5
