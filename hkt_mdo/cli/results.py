@@ -259,7 +259,8 @@ def simulate(
     out
         Folder for simulations.json and simulations.csv; files of these names are replaced.
     strict
-        Exit with 3 if a limit is broken, or the rotor stops, stalls or runs away.
+        Exit with 3 if a limit is broken, or the rotor stops, with noise or without, stalls or runs
+        away.
     """
     from hkt_mdo.results.words import flow_words, limit_words
     from hkt_mdo.studies.other_flows import largest, records, simulations, write
@@ -279,7 +280,7 @@ def simulate(
         with Console(stderr=True).status("simulating"):
             lines = run.lines(several_runs)
         echo("  " + "\n  ".join(lines), err=for_program)
-    operating = [run for run in runs if run.operates]
+    operating = [run for run in runs if not run.start or run.began.operation]
     if for_program:
         parts.print_records(records(operating), as_json)
     elif rows := [entry.row(name) for name, entry in largest(operating).items()]:

@@ -26,7 +26,7 @@ from hkt_mdo.run import year
 from hkt_mdo.run.loads import of_limit, placed
 from hkt_mdo.run.verification import SimulatedDesign, in_equilibrium, plant_of
 from hkt_mdo.studies.start_stop import StartStop, start_and_stop
-from hkt_mdo.studies.uncertainty import Sensor, flow_given, noisy_runs
+from hkt_mdo.studies.uncertainty import Ensemble, Sensor, flow_given, noisy_runs
 
 FIELDS = "value", "unit", "limit", "share", "kept", "time_s", "r_m"
 MOST_SEEDS = 10_000
@@ -179,25 +179,37 @@ class Run:
             lines += self._with_noise(*self.noise) if self.noise else []
         return [joined(self.name, lines[0]), *lines[1:]]
 
+    @cached_property
+    def noisy(self) -> Ensemble | None:
+        """The runs with the noisy sensor.
+
+        Returns
+        -------
+        Ensemble
+            None where there is no sensor, or an open loop, which reads none.
+        """
+        read = self.noise and self.design.law.is_feedback
+        return noisy_runs(self.design, self.inflow, *self.noise) if read else None
+
     def _with_noise(self, sensor: Sensor, repeats: int, seed: int) -> list[str]:
         """Return the results of many runs with a noisy sensor, as lines of text."""
-        design, inflow, quiet = self.design, self.inflow, self.simulation
-        if not design.law.is_feedback:
+        if (noisy := self.noisy) is None:
             return ["open loop reads no sensor: the noise changes nothing"]
-        behind, noisy = "none", noisy_runs(design, inflow, sensor, repeats, seed)
+        filtered = noisy_runs(self.design, self.inflow, replace(sensor, snr=np.inf), 1, seed)
+        quiet, behind, text = self.simulation, "none", "no run reached the end"
         if sensor.cutoff:
             behind = f"second-order Butterworth low-pass of {sensor.cutoff:g} Hz (--filter-cutoff)"
-            if noisy.stalled and quiet.stopped_at is None:
-                if noisy_runs(design, inflow, replace(sensor, snr=np.inf), 1, seed).stalled:
-                    behind += ", whose delay stops the rotor without any noise"
+            if filtered.stalled and quiet.stopped_at is None:
+                behind += ", whose delay stops the rotor without any noise"
         energy = noisy.energy[np.isfinite(noisy.energy)]  # NaN: the rotor stopped
-        text = "no run reached the end"
         if energy.size:
-            mean, spread = energy.mean(), energy.std(ddof=1) if energy.size > 1 else 0.0
-            change = f" ({100.0 * (mean / quiet.energy - 1.0):+.3f} % from that without noise)"
+            ends, spread = (energy.mean(), filtered.energy[0]), energy.std(ddof=energy.size > 1)
+            lost = [f"{100.0 * (x / quiet.energy - 1.0):+.3f} %" for x in ends]
+            change = f" ({lost[0]} from that without noise, {lost[1]} by filter and samples alone)"
             change *= quiet.stopped_at is None
-            text = f"captured energy of the others: mean {measured(mean, 'J', 6)}{change}, standard"
-            text += f" deviation {measured(spread, 'J')}, worst {measured(energy.min(), 'J', 6)}"
+            mean, worst = (measured(x, "J", 6) for x in (ends[0], energy.min()))
+            text = f"captured energy of the others: mean {mean}{change}, standard deviation "
+            text += f"{measured(spread, 'J')}, worst {worst}"
         return [
             f"sensor: {sensor.snr:g} dB of the {sensor.reference} speed, sigma = "
             f"{noisy.noise_deviation:.4f} rad/s, {sensor.rate:g} Hz, seed {seed}; "
@@ -206,17 +218,6 @@ class Run:
             f"rotor stopped in {noisy.stalled} of {repeats} runs",
             text,
         ]
-
-    @property
-    def operates(self) -> bool:
-        """Whether there is an operation, as after any start that succeeds.
-
-        Returns
-        -------
-        bool
-            Without it, nothing is told of limits.
-        """
-        return not self.start or self.began.operation is not None
 
     @property
     def name(self) -> str:
@@ -254,24 +255,26 @@ class Run:
             extremes[name] = entry.model_copy(update={"r_m": load.r_m})
         if self.inflow.steady:
             return extremes
+
+        def add(event, value, remark, kept: bool | None = False):
+            extremes[event] = Extreme(value=float(value), unit="s", kept=kept, remark=remark)
+
         if (stopped := self.simulation.stopped_at) is not None:
-            remark = "generates no more: the simulation ends there"
-            extremes["rotor stops"] = Extreme(value=stopped, unit="s", kept=False, remark=remark)
+            add("rotor stops", stopped, "generates no more: the simulation ends there")
+        if self.noisy and (count := self.noisy.stalled):
+            add("rotor stops with noise", np.nanmin(self.noisy.stopped_at), f"in {count} runs")
         time, designed = quantities["time"], self.design.solution.summary.tip_speed_ratio
         slow = quantities["tip_speed_ratio"] < STALLED * ((designed and designed.min) or 0.0)
         if stopped is None and np.any(slow):
-            begin = float(time[np.argmax(slow)])
             remark = "below half of the least tip speed ratio of the design's own flow"
-            extremes["rotor stalls"] = Extreme(value=begin, unit="s", kept=False, remark=remark)
+            add("rotor stalls", time[np.argmax(slow)], remark)
         fast = quantities["inflow_speed"] > (physics.law.cut_out or np.inf)
         if np.any(fast):
-            begin = float(time[np.argmax(fast)])
             share = 100.0 * np.trapezoid(1.0 * fast, time) / np.ptp(time)
             remark = f"for {share:.3g} % of the time: the simulation does not stop the machine"
-            extremes["flow above the cut-out"] = Extreme(value=begin, unit="s", remark=remark)
+            add("flow above the cut-out", time[np.argmax(fast)], remark, None)
         if (away := self.runs_away) is not None:
-            remark = "more than 20 % faster than without memory until then"
-            extremes["rotor runs away"] = Extreme(value=away, unit="s", kept=False, remark=remark)
+            add("rotor runs away", away, "more than 20 % faster than without memory until then")
         return extremes
 
     @cached_property

@@ -158,7 +158,10 @@ def noisy_runs(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, see
     tabulated = plant.tabulated(RATIOS)
     n_samples = round(duration * sensor.rate)
     period = duration / n_samples
-    longest = LONGEST_STEP * plant.inertia / _largest_slope(plant, quiet)
+    slopes = np.abs(plant.torque_slope(quiet.rotor_speed, quiet.inflow_speed))
+    ratio = quiet.rotor_speed / quiet.inflow_speed
+    slope = np.max(slopes[ratio >= 0.5 * ratio[0]])  # a rotor below is about to stop
+    longest = LONGEST_STEP * plant.inertia / slope
     substeps = max(int(np.ceil(period / longest)), 1)
     step = period / substeps
     law, speed = design.physics.law, np.full(repeats, design.initial_speed(inflow))
@@ -201,13 +204,6 @@ def noisy_runs(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, see
     exact = plant.coefficient(ratio)
     error = np.max(np.abs(tabulated.coefficient(ratio) - exact)) / np.max(np.abs(exact))
     return Ensemble(energy, stopped, deviation, times[running], flow, *record, float(error))
-
-
-def _largest_slope(plant, run):
-    """Return the largest slope of the torque over the rotor's speed along a run, N*m*s/rad."""
-    slopes = np.abs(plant.torque_slope(run.rotor_speed, run.inflow_speed))
-    ratio = run.rotor_speed / run.inflow_speed
-    return float(np.max(slopes[ratio >= 0.5 * ratio[0]]))  # a rotor below is about to stop
 
 
 def _advanced(law, speed, flow, gains, states, period):
