@@ -275,7 +275,7 @@ def simulate(
     several_runs = len(runs) > 1
     words = f"{flow}: {len(runs)} simulations" if several_runs else flow_words(runs[0].inflow)
     words += f"; condition {condition}" if condition else ""
-    echo(f"{solution.name} in flow {words}", err=for_program)
+    echo(f"{solution.folder}, {solution.case.control.law}, in flow {words}", err=for_program)
     for run in runs:
         with Console(stderr=True).status("simulating"):
             lines = run.lines(several_runs)
