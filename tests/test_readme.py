@@ -34,7 +34,7 @@ def test_the_numbers_below_the_picture_of_the_papers_cases_are_those_of_the_repr
     page = (ROOT / "docs" / "validation.md").read_text(encoding="utf-8")
     text = " ".join((ROOT / "docs" / "shipped_cases.md").read_text(encoding="utf-8").split())
     (below,) = re.findall(r"\*One flow, one torque limit(.*?)\*(?= )", text)
-    numbers = re.findall(r"\d\.\d+ %", below)
+    numbers = re.findall(r"(\d\.\d+) %", below)
     assert len(numbers) == 2
     for number in numbers:
         assert number in page, number
