@@ -45,14 +45,10 @@ def shown(data):
     }
     replayed, b, c = (flows[name]["oloc"] for name in "ABC")
 
-    def cell(row, name, digits):
+    def cell(row, name, digits, unit=1.0):
         """Return a number of a table's row, in parentheses that of the paper."""
-        values = (round(row[x], digits) + 0.0 for x in (name, f"reported_{name}"))
+        values = (round(row[x] / unit, digits) + 0.0 for x in (name, f"reported_{name}"))
         return "{} ({})".format(*(f"{x:.{digits}f}" for x in values)).replace("-", "−")
-
-    def energies(row):
-        """Return the energy in kJ, in parentheses that of the paper."""
-        return f"{row['energy_J'] / 1e3:.2f} ({row['reported_energy_J'] / 1e3:.2f})"
 
     def gaps(table):
         """Return gap and gain of both laws."""
@@ -77,7 +73,7 @@ def shown(data):
     few, many = stalls("linear", "total", 1000.0)
     slow = stalls("linear", "fluctuation", 10.0)
     return [
-        *(f"{energies(table['oloc'])} | {gaps(table)} |" for table in tables),
+        *(f"{cell(table['oloc'], 'energy_J', 2, 1e3)} | {gaps(table)} |" for table in tables),
         f"| {cell(free['baseline_oloc'], 'gap_percent', 1)} |",
         f"co-design gains {paper['sequential']['sine_limited']['oloc']['gain_percent']:.1f} %",
         f"The replayed OLOC loses {-replayed['gap_percent']:.2f} % in flow A (paper 3.7 %) and "

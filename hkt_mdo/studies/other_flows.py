@@ -195,21 +195,20 @@ class Run:
         """Return the results of many runs with a noisy sensor, as lines of text."""
         if (noisy := self.noisy) is None:
             return ["open loop reads no sensor: the noise changes nothing"]
-        filtered = noisy_runs(self.design, self.inflow, replace(sensor, snr=np.inf), 1, seed)
         quiet, behind, text = self.simulation, "none", "no run reached the end"
         if sensor.cutoff:
             behind = f"second-order Butterworth low-pass of {sensor.cutoff:g} Hz (--filter-cutoff)"
-            if filtered.stalled and quiet.stopped_at is None:
+            if np.isnan(noisy.quiet_energy) and quiet.stopped_at is None:
                 behind += ", whose delay stops the rotor without any noise"
         energy = noisy.energy[np.isfinite(noisy.energy)]  # NaN: the rotor stopped
         if energy.size:
-            ends, spread = (energy.mean(), filtered.energy[0]), energy.std(ddof=energy.size > 1)
+            ends = energy.mean(), noisy.quiet_energy
             lost = [f"{100.0 * (x / quiet.energy - 1.0):+.3f} %" for x in ends]
-            change = f" ({lost[0]} from that without noise, {lost[1]} by filter and samples alone)"
-            change *= quiet.stopped_at is None
+            alone = f", {lost[1]} by filter and samples alone" * (not np.isnan(ends[1]))
+            change = f" ({lost[0]} from that without noise{alone})" * (quiet.stopped_at is None)
             mean, worst = (measured(x, "J", 6) for x in (ends[0], energy.min()))
             text = f"captured energy of the others: mean {mean}{change}, standard deviation "
-            text += f"{measured(spread, 'J')}, worst {worst}"
+            text += f"{measured(energy.std(ddof=energy.size > 1), 'J')}, worst {worst}"
         return [
             f"sensor: {sensor.snr:g} dB of the {sensor.reference} speed, sigma = "
             f"{noisy.noise_deviation:.4f} rad/s, {sensor.rate:g} Hz, seed {seed}; "

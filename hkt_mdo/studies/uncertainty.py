@@ -94,12 +94,14 @@ class Ensemble:
     """Repeated noisy runs of one design in one flow.
 
     energy (J) and stopped_at (s) have one entry a repeat: NaN where the rotor stopped, and where it
-    did not. time ... hydrodynamic_torque are the first repeat's samples; torque_error is the
-    largest relative difference between the tabulated and the direct BEM torque along them.
+    did not. quiet_energy is that of one more run, with the filter and the samples alone.
+    time ... hydrodynamic_torque are the first repeat's samples; torque_error is the largest
+    relative difference between the tabulated and the direct BEM torque along them.
     """
 
     energy: np.ndarray
     stopped_at: np.ndarray
+    quiet_energy: float
     noise_deviation: float
     time: np.ndarray
     inflow_speed: np.ndarray
@@ -160,28 +162,28 @@ def noisy_runs(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, see
     period = duration / n_samples
     slopes = np.abs(plant.torque_slope(quiet.rotor_speed, quiet.inflow_speed))
     ratio = quiet.rotor_speed / quiet.inflow_speed
-    slope = np.max(slopes[ratio >= 0.5 * ratio[0]])  # a rotor below is about to stop
-    longest = LONGEST_STEP * plant.inertia / slope
+    # a rotor below is about to stop
+    longest = LONGEST_STEP * plant.inertia / np.max(slopes[ratio >= 0.5 * ratio[0]])
     substeps = max(int(np.ceil(period / longest)), 1)
     step = period / substeps
-    law, speed = design.physics.law, np.full(repeats, design.initial_speed(inflow))
-    estimate, before, control = design.controller.estimate, None, 0.0
-    states = [np.full(repeats, state) for state in design.start(inflow, speed[0])[1:]]
-    low_pass, memory = ([1.0], [1.0]), np.empty((0, repeats))  # none
+    speed = np.full(repeats + 1, design.initial_speed(inflow))  # the last without noise
+    law, estimate, before, control = design.physics.law, design.controller.estimate, None, 0.0
+    states = [np.full_like(speed, state) for state in design.start(inflow, speed[0])[1:]]
+    low_pass, memory = ([1.0], [1.0]), np.empty((0, speed.size))  # none
     if sensor.cutoff is not None:
         low_pass = signal.butter(2, sensor.cutoff, fs=1.0 / period)
         memory = signal.lfilter_zi(*low_pass)[:, None] * speed  # in steady state at the first speed
     random = np.random.default_rng(seed)
-    energy, stopped = np.zeros(repeats), np.full(repeats, np.nan)
+    energy, stopped = np.zeros_like(speed), np.full_like(speed, np.nan)
     times = period * np.arange(n_samples)
     flows = inflow.speed_at(times[:, None] + step * np.arange(0.0, substeps + 0.25, 0.5))
     slowest = SLOWEST_RATIO * flows[:, -1] / radius
     record = np.full((3, n_samples), np.nan)
     for k in range(n_samples):
-        measured = speed + deviation * random.standard_normal((1, repeats))
-        measured, memory = signal.lfilter(*low_pass, measured, axis=0, zi=memory)
+        measured = speed + deviation * np.append(random.standard_normal(repeats), 0.0)
+        measured, memory = signal.lfilter(*low_pass, measured[None], axis=0, zi=memory)
         measured = np.maximum(measured[0], 0.1 * slowest[k])  # a law may divide by it
-        heard = law.sensed(np.full(repeats, flows[k, 0]), random)
+        heard = np.append(law.sensed(np.full(repeats, flows[k, 0]), random), flows[k, 0])
         if estimate is not None and before is not None:
             heard = estimate(measured, control, (measured - before) / period)
         before, control = measured, law.torque(measured, design.gains, *states)
@@ -203,7 +205,8 @@ def noisy_runs(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, see
     ratio = record[0, ::10] * radius / flow[::10]
     exact = plant.coefficient(ratio)
     error = np.max(np.abs(tabulated.coefficient(ratio) - exact)) / np.max(np.abs(exact))
-    return Ensemble(energy, stopped, deviation, times[running], flow, *record, float(error))
+    results = energy[:-1], stopped[:-1], float(energy[-1]), deviation
+    return Ensemble(*results, times[running], flow, *record, float(error))
 
 
 def _advanced(law, speed, flow, gains, states, period):
