@@ -126,15 +126,14 @@ def _one_ensemble(source, flow, sensor, repeats, seed):
         result = {"energy_J": energy, "stopped_at_s": run.stopped_at}
     else:
         run = noisy_runs(design, inflow, sensor, repeats, seed)
-        energy = run.energy[np.isfinite(run.energy)]
+        energies = run.energies
         result = {
             "repeats": repeats,
             "stalled": run.stalled,
-            "energy_J": float(np.mean(energy)) if energy.size else None,
-            "spread_J": float(np.std(energy, ddof=1)) if energy.size > 1 else None,
-            "worst_J": float(np.min(energy)) if energy.size else None,
+            "energy_J": energies.get("mean"),
+            "spread_J": energies.get("standard deviation"),
+            "worst_J": energies.get("smallest"),
             "noise_deviation_rad_s": run.noise_deviation,
-            "torque_error": run.torque_error,
         }
     thin = slice(None, None, max(run.time.size // 1200, 1))
     names = ("time", "inflow_speed", "rotor_speed", "control_torque", "hydrodynamic_torque")

@@ -171,12 +171,9 @@ class Run:
         list of str
             Energies and speeds, the start from standstill, and what noise and memory change.
         """
-        if self.start:
-            lines = [*self.began.lines()]
-        else:
-            lines = self._outcomes()
-            lines[0] += f"; limits: {self.verdicts}" if with_limits else ""
-            lines += self._with_noise(*self.noise) if self.noise else []
+        lines = [*self.began.lines()] if self.start else self._outcomes()
+        lines[0] += f"; limits: {self.verdicts}" * (with_limits and not self.start)
+        lines += self._with_noise(*self.noise) if self.noise else []
         return [joined(self.name, lines[0]), *lines[1:]]
 
     @cached_property
@@ -200,19 +197,17 @@ class Run:
             behind = f"second-order Butterworth low-pass of {sensor.cutoff:g} Hz (--filter-cutoff)"
             if np.isnan(noisy.quiet_energy) and quiet.stopped_at is None:
                 behind += ", whose delay stops the rotor without any noise"
-        energy = noisy.energy[np.isfinite(noisy.energy)]  # NaN: the rotor stopped
-        if energy.size:
-            ends = energy.mean(), noisy.quiet_energy
-            lost = [f"{100.0 * (x / quiet.energy - 1.0):+.3f} %" for x in ends]
-            alone = f", {lost[1]} by filter and samples alone" * (not np.isnan(ends[1]))
-            change = f" ({lost[0]} from that without noise{alone})" * (quiet.stopped_at is None)
-            mean, worst = (measured(x, "J", 6) for x in (ends[0], energy.min()))
-            text = f"captured energy of the others: mean {mean}{change}, standard deviation "
-            text += f"{measured(energy.std(ddof=energy.size > 1), 'J')}, worst {worst}"
+        if energies := noisy.energies:
+            texts = (f"{name} {measured(x, 'J', 6)}" for name, x in energies.items())
+            text = f"captured energy of the others: {', '.join(texts)}"
+            if quiet.stopped_at is None:
+                ends = energies["mean"], noisy.quiet_energy
+                lost = [f"{100.0 * (x / quiet.energy - 1.0):+.3f} %" for x in ends]
+                alone = f", {lost[1]} by filter and samples alone" * (not np.isnan(ends[1]))
+                text += f"; mean {lost[0]} from that without noise{alone}"
         return [
             f"sensor: {sensor.snr:g} dB of the {sensor.reference} speed, sigma = "
-            f"{noisy.noise_deviation:.4f} rad/s, {sensor.rate:g} Hz, seed {seed}; "
-            f"BEM table within {noisy.torque_error:.1e}",
+            f"{noisy.noise_deviation:.4f} rad/s, {sensor.rate:g} Hz, seed {seed}",
             f"filter behind it: {behind}",
             f"rotor stopped in {noisy.stalled} of {repeats} runs",
             text,
@@ -510,8 +505,10 @@ def records(runs: Iterable[Run]) -> list[dict[str, Any]]:
     """
     rows = []
     for run in runs:
-        energies = {name: Extreme(value=x, unit="J") for name, x in run.energies.items()}
-        for name, entry in (energies | run.extremes).items():
+        noisy = run.noisy.energies if run.noisy else {}
+        energies = run.energies | {f"energy with noise, {name}": x for name, x in noisy.items()}
+        entries = {name: Extreme(value=x, unit="J") for name, x in energies.items()}
+        for name, entry in (entries | run.extremes).items():
             where = {"scenario": run.scenario, "seed": run.seed, "quantity": name}
             rows.append(where | {field: getattr(entry, field) for field in FIELDS})
     return rows
