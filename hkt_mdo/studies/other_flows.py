@@ -477,8 +477,9 @@ def largest(runs: Sequence[Run]) -> dict[str, Extreme]:
     Returns
     -------
     dict of Extreme
-        By the names of limits and loads; of several runs, with the name of the run. Where a load is
-        limited in some of them only, ``NAME without limit`` is that of the others.
+        By the names of limits and loads, of an event the earliest; of several runs, with the name
+        of the run. Where a load is limited in some of them only, ``NAME without limit`` is that of
+        the others.
     """
     entries: dict[str, Extreme] = {}
     limited = {name for run in runs for name, x in run.extremes.items() if x.limit is not None}
@@ -486,7 +487,8 @@ def largest(runs: Sequence[Run]) -> dict[str, Extreme]:
         for name, entry in run.extremes.items():
             key = f"{name} without limit" if name in limited and entry.limit is None else name
             pair = entry.model_copy(update={"scenario": run.name or None}), entries.get(key, entry)
-            entries[key] = max(pair, key=lambda x: (x.value if x.share is None else x.share) or 0.0)
+            end = min if (entry.unit, entry.share) == ("s", None) else max  # of events the first
+            entries[key] = end(pair, key=lambda x: (x.value if x.share is None else x.share) or 0.0)
     return entries
 
 

@@ -128,9 +128,8 @@ class Ensemble:
         dict of float
             Empty where the rotor stopped in all.
         """
-        if not np.any(running := np.isfinite(self.energy)):
+        if not (ends := self.energy[np.isfinite(self.energy)]).size:
             return {}
-        ends = self.energy[running]
         deviation = ends.std(ddof=ends.size > 1)
         return {"mean": ends.mean(), "standard deviation": deviation, "smallest": ends.min()}
 
@@ -287,8 +286,8 @@ def flow_given(text: str, case: Case, seed: int | None = None) -> Inflow:
         if inflow.reseeded(1) == inflow:
             remedy = "give a turbulent --flow, or leave --flow-seeds out"
             raise InputError(f"the flow {inflow.profile} has no seed", remedy, key="--flow-seeds")
-        number, text = seed - getattr(inflow, "seed", 0), f"{text}, seed {seed}"
-        inflow = inflow.reseeded(number)
+        inflow = inflow.reseeded(seed - getattr(inflow, "seed", 0))
+        text += f", seed {seed}"
     try:
         inflow.check(in_flow(case, inflow).phase.duration)
     except InputError as error:

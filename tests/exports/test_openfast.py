@@ -22,6 +22,7 @@ from hkt_mdo.rotor import bem
 from tests.dynamics.aerodyn_runs import DATA, design_of, solution
 from tests.exports.made import made
 
+PROGRAM = shutil.which("aerodyn_driver")
 NAMES = ("paper", "rm1", pytest.param("river", marks=pytest.mark.slow))
 RATIOS = [f"openfast.tip_speed_ratio.{each}" for each in ("lowest=3", "highest=10", "count=8")]
 # m/s, at which AeroDyn was run
@@ -251,17 +252,12 @@ def test_more_blades_than_elastodyn_takes_are_refused(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(not PROGRAM, reason="aerodyn_driver is not on PATH (docs/exports.md)")
 @pytest.mark.parametrize("name", NAMES)
-def test_aerodyn_itself_has_the_loads_of_direct_bem(exported, name, tmp_path, capsys):
-    """Where `aerodyn_driver` is on PATH; docs/exports.md says how to get it."""
-    program = shutil.which("aerodyn_driver")
-    if program is None:  # a program of its own, which no package registry of Python has
-        with capsys.disabled():
-            print("\naerodyn_driver is not on PATH: its kept output stands for it")
-        return
+def test_aerodyn_itself_has_the_loads_of_direct_bem(exported, name, tmp_path):
     folder = tmp_path / name
     shutil.copytree(exported(name), folder)
-    command = [program, "aerodyn_driver.dvr"]
+    command = [PROGRAM, "aerodyn_driver.dvr"]
     subprocess.run(command, cwd=folder, check=True, capture_output=True, timeout=120)
     loads, rotor = [], []
     for number in range(1, 9):

@@ -5,6 +5,7 @@ import json
 import re
 import shutil
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
@@ -19,7 +20,7 @@ from hkt_mdo.dynamics.simulation import RecordedTorque, simulate
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.yaml_text import parse
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.studies.other_flows import Run, largest, runs_of
+from hkt_mdo.studies.other_flows import Extreme, Run, largest, runs_of
 from hkt_mdo.studies.uncertainty import flow_given
 from tests.conftest import NINE
 
@@ -290,6 +291,13 @@ def test_of_several_runs_the_most_used_limit_is_reported(quadratic):
         assert worst["root_moment"].scenario == worst["thrust without limit"].scenario == "fast"
     tighter = replace(slow, design=limited(quadratic, ThrustLimit(bound=5e3)), scenario="tighter")
     assert largest([slow, tighter])["thrust"].scenario == "tighter"
+
+
+def test_of_several_runs_the_first_event_is_reported():
+    times = {"late": 9.0, "early": 4.0}
+    events = {name: {"rotor stops": Extreme(value=t, unit="s")} for name, t in times.items()}
+    runs = [SimpleNamespace(name=name, extremes=entries) for name, entries in events.items()]
+    assert {largest(x)["rotor stops"].scenario for x in (runs, runs[::-1])} == {"early"}
 
 
 @pytest.mark.parametrize("seeds", ["", "1..", "3..1", "-1", "a", "1..20001", "1,,2", "1.5", "²"])
