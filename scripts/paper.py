@@ -129,15 +129,18 @@ def _one_ensemble(source, flow, sensor, repeats, seed):
         energies = run.energies
         result = {
             "repeats": repeats,
-            "stalled": run.stalled,
+            "stalled": int(np.isfinite(run.stopped_at).sum()),
             "energy_J": energies.get("mean"),
             "spread_J": energies.get("standard deviation"),
             "worst_J": energies.get("smallest"),
             "noise_deviation_rad_s": run.noise_deviation,
         }
-    thin = slice(None, None, max(run.time.size // 1200, 1))
-    names = ("time", "inflow_speed", "rotor_speed", "control_torque", "hydrodynamic_torque")
-    series = {QUANTITIES[name].column: getattr(run, name)[thin].tolist() for name in names}
+    names = ("time", "inflow_speed", "rotor_speed", "hydrodynamic_torque", "control_torque")
+    values = [getattr(run, name) for name in names] if sensor is None else run.samples
+    first = slice(np.argmax(np.diff(values[0], append=0.0) < 0.0) + 1)  # of the repeats
+    thin = slice(None, None, max(first.stop // 1200, 1))
+    pairs = zip(names, values, strict=True)
+    series = {QUANTITIES[name].column: each[first][thin].tolist() for name, each in pairs}
     return result | {"series": series}
 
 

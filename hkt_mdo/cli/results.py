@@ -216,10 +216,10 @@ def simulate(
     prints the energy of a year in the equilibria of a feedback design. The rotor begins at the
     design's first tip speed ratio; that of a year, in the equilibrium of its law. If it stops or
     stalls, that is reported; if it stops, its energy is not counted. The command prints the largest
-    value, without noise, of each limit over time and of the loads that have no limit; with several
-    scenarios and seeds, the largest of all. --json and --csv print those of each simulation, as
-    --out writes them. With --inflow-dynamics oye the wake needs time to change: the command prints
-    what that changes, and whether the rotor runs away.
+    value of each limit over time, without noise and with it, and of the loads that have no limit;
+    with several scenarios and seeds, the largest of all. --json and --csv print those of each
+    simulation, as --out writes them. With --inflow-dynamics oye the wake needs time to change: the
+    command prints what that changes, and whether the rotor runs away.
 
     Parameters
     ----------
@@ -270,8 +270,7 @@ def simulate(
     sensor = Sensor(inf if snr is None else snr, reference, rate, cutoff or None)
     noise = None if snr is None else (sensor, repeats, seed)
     only = solution if scenario is None else solution.scenario(scenario)
-    how = condition, inflow_dynamics, tau1, start, stop, noise
-    runs = simulations(only, flow, flow_seeds, *how)
+    runs = simulations(only, flow, flow_seeds, condition, inflow_dynamics, tau1, start, stop, noise)
     several_runs = len(runs) > 1
     words = f"{flow}: {len(runs)} simulations" if several_runs else flow_words(runs[0].inflow)
     words += f"; condition {condition}" if condition else ""
@@ -284,9 +283,8 @@ def simulate(
     if for_program:
         parts.print_records(records(operating), as_json)
     elif rows := [entry.row(name) for name, entry in largest(operating).items()]:
-        quiet = " without noise" if noise else ""
         over = f" of {len(operating)} simulations" if several_runs else ""
-        parts.print_tables({f"Largest values{quiet}{over}": rows})
+        parts.print_tables({f"Largest values{over}": rows})
     if out is not None:
         parts.print_lines(write(out, operating), err=for_program)
     broken = [limit_words(name) for name, x in largest(operating).items() if x.kept is False]

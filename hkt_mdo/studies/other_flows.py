@@ -14,6 +14,7 @@ from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.limits import BETWEEN, Limit
 from hkt_mdo.dynamics.objectives import INTEGRALS
 from hkt_mdo.dynamics.simulation import Simulation
+from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import csv_text, write_new
 from hkt_mdo.problem.physics import physics
@@ -209,7 +210,7 @@ class Run:
             f"sensor: {sensor.snr:g} dB of the {sensor.reference} speed, sigma = "
             f"{noisy.noise_deviation:.4f} rad/s, {sensor.rate:g} Hz, seed {seed}",
             f"filter behind it: {behind}",
-            f"rotor stopped in {noisy.stalled} of {repeats} runs",
+            f"rotor stopped in {np.isfinite(noisy.stopped_at).sum()} of {repeats} runs",
             text,
         ]
 
@@ -235,16 +236,22 @@ class Run:
             limit ``limit``, ``share`` (the value over it) and ``kept``. A rotor that stops, stalls
             or runs away is an entry with the instant as its value.
         """
-        physics, extremes = self.design.physics, {}
+        physics, case, extremes = self.design.physics, self.design.physics.case, {}
         operations = [(part.rotor, part.simulated) for part in self.parts]
-        for _, quantities in operations:
+        trajectories = [("", quantities) for _, quantities in operations]
+        if noisy := self.noisy:  # the torque's rate has no limit there: it is held between samples
+            series = trajectory_of(*noisy.samples, self.design.blade.rotor_radius, case.generator)
+            series |= self.parts[0].loads(series) | self.parts[0].scalars
+            trajectories.append((" with noise", series))
+        for words, quantities in trajectories:
             for limit in self.parts[0].physics.scenarios[0].limits:
-                if not limit.bounded and np.isfinite(limit.end_of(limit.reported(quantities))):
-                    entry = _extreme(limit, quantities)
-                    entries = entry, extremes.get(limit.name, entry)
-                    extremes[limit.name] = max(entries, key=lambda x: x.share or 0.0)
+                known = not limit.bounded and quantities.keys() >= set(limit.inputs)
+                if known and np.isfinite(limit.end_of(limit.reported(quantities))):
+                    name, entry = f"{limit.name}{words}", _extreme(limit, quantities)
+                    entries = entry, extremes.get(name, entry)
+                    extremes[name] = max(entries, key=lambda x: x.share or 0.0)
         for name, load in placed(self.design.blade, operations).items():
-            remark = unasked(name, load, physics.case) or "not limited"
+            remark = unasked(name, load, case) or "not limited"
             entry = extremes.get(name, Extreme(**load.model_dump(), remark=remark))
             extremes[name] = entry.model_copy(update={"r_m": load.r_m})
         if self.inflow.steady:
@@ -255,8 +262,9 @@ class Run:
 
         if (stopped := self.simulation.stopped_at) is not None:
             add("rotor stops", stopped, "generates no more: the simulation ends there")
-        if self.noisy and (count := self.noisy.stalled):
-            add("rotor stops with noise", np.nanmin(self.noisy.stopped_at), f"in {count} runs")
+        if noisy and (count := np.isfinite(noisy.stopped_at).sum()):
+            add("rotor stops with noise", np.nanmin(noisy.stopped_at), f"in {count} runs")
+        quantities = operations[0][1]
         time, designed = quantities["time"], self.design.solution.summary.tip_speed_ratio
         slow = quantities["tip_speed_ratio"] < STALLED * ((designed and designed.min) or 0.0)
         if stopped is None and np.any(slow):

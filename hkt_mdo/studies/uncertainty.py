@@ -94,30 +94,16 @@ class Ensemble:
     """Repeated noisy runs of one design in one flow.
 
     energy (J) and stopped_at (s) have one entry a repeat: NaN where the rotor stopped, and where it
-    did not. quiet_energy is that of one more run, with the filter and the samples alone.
-    time ... hydrodynamic_torque are the first repeat's samples.
+    did not. quiet_energy is that of one more run, with the filter and the samples alone. samples,
+    (5, n_samples), are those of all repeats, one after the other, until the rotor stops: time (s),
+    speeds of flow (m/s) and rotor (rad/s), torques of flow and generator (N*m).
     """
 
     energy: np.ndarray
     stopped_at: np.ndarray
     quiet_energy: float
     noise_deviation: float
-    time: np.ndarray
-    inflow_speed: np.ndarray
-    rotor_speed: np.ndarray
-    control_torque: np.ndarray
-    hydrodynamic_torque: np.ndarray
-
-    @property
-    def stalled(self):
-        """Number of repeats in which the rotor stopped.
-
-        Returns
-        -------
-        int
-            At most the number of repeats.
-        """
-        return int(np.sum(np.isfinite(self.stopped_at)))
+    samples: np.ndarray
 
     @property
     def energies(self) -> dict[str, float]:
@@ -189,7 +175,7 @@ def noisy_runs(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, see
     times = period * np.arange(n_samples)
     flows = inflow.speed_at(times[:, None] + step * np.arange(0.0, substeps + 0.25, 0.5))
     slowest = SLOWEST_RATIO * flows[:, -1] / plant.blade.rotor_radius
-    record = np.full((3, n_samples), np.nan)
+    record = np.full((5, speed.size, n_samples), np.nan)
     for k in range(n_samples):
         measured = speed + deviation * np.append(random.standard_normal(repeats), 0.0)
         measured, memory = signal.lfilter(*low_pass, measured[None], axis=0, zi=memory)
@@ -199,7 +185,9 @@ def noisy_runs(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, see
             heard = estimate(measured, control, (measured - before) / period)
         before, control = measured, law.torque(measured, design.gains, *states)
         states = _advanced(law, measured, heard, design.gains, states, period)
-        record[:, k] = speed[0], control[0], tabulated.torque(speed[:1], flows[k, 0])[0]
+        driving = tabulated.torque(speed, flows[k, 0])
+        record[:, :, k] = np.broadcast_arrays(times[k], flows[k, 0], speed, driving, control)
+        record[:, np.isfinite(stopped), k] = np.nan
         held = control + plant.generator.friction(speed)
         speed, captured = _runge_kutta(tabulated, speed, held, flows[k], step)
         energy += captured
@@ -211,9 +199,8 @@ def noisy_runs(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, see
             break
         speed = np.where(np.isnan(stopped), speed, slowest[k])
     energy[np.isfinite(stopped)] = np.nan
-    running = slice(0, n_samples if np.isnan(stopped[0]) else int(stopped[0] / period))
-    results = energy[:-1], stopped[:-1], float(energy[-1]), deviation
-    return Ensemble(*results, times[running], flows[running, 0], *record[:, running])
+    samples = record[:, :-1][:, np.isfinite(record[0, :-1])]
+    return Ensemble(energy[:-1], stopped[:-1], float(energy[-1]), deviation, samples)
 
 
 def _advanced(law, speed, flow, gains, states, period):

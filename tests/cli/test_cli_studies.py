@@ -29,7 +29,7 @@ def simulated(folders, capsys):
 def test_simulate_reports_mean_spread_and_worst(simulated):
     arguments = "--flow A --noise-snr 20 --sample-rate 20 --repeats 3 --seed 1".split()
     printed = simulated("quadratic", *arguments)
-    for words in ("rotor stopped in 0 of 3 runs", "low-pass of 0.5 Hz", "values without noise"):
+    for words in ("rotor stopped in 0 of 3 runs", "low-pass of 0.5 Hz", "torque with noise"):
         assert words in printed
     pattern = r"mean ([\d.]+) kJ, standard deviation ([\d.]+) J, smallest ([\d.]+) .*% by filter"
     mean, spread, smallest = map(float, re.search(pattern, printed).groups())

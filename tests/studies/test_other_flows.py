@@ -15,13 +15,13 @@ import hkt_mdo
 from hkt_mdo.cli import main
 from hkt_mdo.dynamics.flows import ConstantInflow, GustInflow, SineInflow
 from hkt_mdo.dynamics.generator import Generator
-from hkt_mdo.dynamics.limits import Limit, ThrustLimit, TorqueLimit, TorqueRateLimit
+from hkt_mdo.dynamics.limits import Limit, PowerLimit, ThrustLimit, TorqueLimit, TorqueRateLimit
 from hkt_mdo.dynamics.simulation import RecordedTorque, simulate
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.yaml_text import parse
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.studies.other_flows import Extreme, Run, largest, runs_of
-from hkt_mdo.studies.uncertainty import flow_given
+from hkt_mdo.studies.uncertainty import Sensor, flow_given
 from tests.conftest import NINE
 
 TURBULENCE = "{profile: turbulence, mean: 1.5, intensity: 0.1, cutoff: 0.3}"
@@ -293,11 +293,16 @@ def test_of_several_runs_the_most_used_limit_is_reported(quadratic):
     assert largest([slow, tighter])["thrust"].scenario == "tighter"
 
 
+def test_limits_with_noise_are_the_largest_of_all_samples(quadratic):
+    run = Run(limited(quadratic, PowerLimit(bound=3e3)), SineInflow(), noise=(Sensor(), 2, 1))
+    power, (_, _, speed, _, torque) = run.extremes["power with noise"].value, run.noisy.samples
+    assert power == pytest.approx(np.max(speed * torque), rel=1e-12)
+
+
 def test_of_several_runs_the_first_event_is_reported():
-    times = {"late": 9.0, "early": 4.0}
-    events = {name: {"rotor stops": Extreme(value=t, unit="s")} for name, t in times.items()}
-    runs = [SimpleNamespace(name=name, extremes=entries) for name, entries in events.items()]
-    assert {largest(x)["rotor stops"].scenario for x in (runs, runs[::-1])} == {"early"}
+    at = {"late": 9.0, "early": 4.0}
+    runs = [SimpleNamespace(name=x, extremes={"stops": Extreme(value=at[x], unit="s")}) for x in at]
+    assert {largest(x)["stops"].scenario for x in (runs, runs[::-1])} == {"early"}
 
 
 @pytest.mark.parametrize("seeds", ["", "1..", "3..1", "-1", "a", "1..20001", "1,,2", "1.5", "²"])
