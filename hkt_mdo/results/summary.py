@@ -668,12 +668,9 @@ class Summary(Achieved):
         yield Row("share of quasi-steady bound", share, "%")
         if self.objective is not None:
             yield from self.objective.rows(self.scenarios or {})
-        gap = self.certified_gap
-        gap = None if gap is None else f"gap up to {max(100.0 * gap, 0.0):.2g} %"
         captured = self.objective is None or self.objective.kind == "captured"
-        other = "" if captured else "of the captured energy, which is not the objective"
-        scope = "does not include limits other than that of the torque" if case.limits.given else ""
-        yield Row("certificate", gap, "", joined(other, scope))
+        if captured and not case.limits.given and (gap := self.certified_gap) is not None:
+            yield Row("certificate", f"gap up to {max(100.0 * gap, 0.0):.2g} %")
 
     def _withheld(self, captured: float | None, case: Case) -> Iterator[str]:
         """Yield what the rotor stores and friction takes, as text, unless it is small."""

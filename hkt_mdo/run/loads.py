@@ -141,7 +141,8 @@ def resolved(physics: Physics, blade: Blade, scenario: Scenario, series: Series)
 def tip_deflection(blade: Blade, pairs: list[tuple[RotorModel, Series]]) -> float | None:
     """Return the largest deflection of a tip in some trajectories as `over_span` takes them, m.
 
-    None where there are none, and where polars follow the Reynolds number.
+    Upstream or downstream, without a sign. None where there are none, and where polars follow the
+    Reynolds number.
     """
     deflections = []
     for rotor, series in pairs:
@@ -149,6 +150,6 @@ def tip_deflection(blade: Blade, pairs: list[tuple[RotorModel, Series]]) -> floa
             return None
         ratio, flow = np.maximum(series["tip_speed_ratio"], SLOWEST_RATIO), series["inflow_speed"]
         at = np.linspace(ratio.min(), ratio.max(), 201)
-        deflection = np.interp(ratio, at, rotor.tip_deflection(blade, at))
+        deflection = np.interp(ratio, at, np.abs(rotor.tip_deflection(blade, at)))
         deflections.append(float(np.max(0.5 * rotor.water_density * flow**2 * deflection)))
-    return max(0.0, *deflections) if deflections else None
+    return max(deflections, default=None)
