@@ -198,6 +198,7 @@ def simulate(
     flow_seeds: Annotated[str | None, Option(metavar="SEEDS")] = None,
     scenario: Annotated[str | None, Option(metavar="NAME")] = None,
     condition: Annotated[str | None, Option(metavar="CONDITION")] = None,
+    cut_out: Annotated[float | None, Option(metavar="M/S")] = None,
     start: Annotated[bool, Option("--start-up")] = False,
     stop: Annotated[float | None, Option("--shut-down", metavar="SECONDS")] = None,
     inflow_dynamics: Annotated[str | None, Option(metavar="NAME")] = None,
@@ -246,6 +247,8 @@ def simulate(
         Simulate the operation of this scenario only, of a result with several.
     condition
         Fouling in place of the case's condition, such as {lift: 0.9, drag: 1.5}.
+    cut_out
+        Flow speed (m/s) above which the machine stands still, in place of control.cut_out.
     start
         Start from standstill, without torque, and let the law take over in operation.
     stop
@@ -270,7 +273,8 @@ def simulate(
     sensor = Sensor(inf if snr is None else snr, reference, rate, cutoff or None)
     noise = None if snr is None else (sensor, repeats, seed)
     only = solution if scenario is None else solution.scenario(scenario)
-    runs = simulations(only, flow, flow_seeds, condition, inflow_dynamics, tau1, start, stop, noise)
+    more = inflow_dynamics, tau1, start, stop, noise
+    runs = simulations(only, flow, flow_seeds, condition, cut_out, *more)
     several_runs = len(runs) > 1
     words = f"{flow}: {len(runs)} simulations" if several_runs else flow_words(runs[0].inflow)
     words += f"; condition {condition}" if condition else ""

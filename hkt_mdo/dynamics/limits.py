@@ -302,8 +302,7 @@ def settled(quantities):
     unit = TYPICAL * torque_scale(quantities["density"], quantities["rotor_radius"], flow)
     scale = quantities["inertia"] * quantities["rotor_speed"] / unit
     step = np.diff(time, prepend=time[0] - 1.0)
-    change = np.abs(np.diff(flow, prepend=flow[0]))
-    quick = scale * change > QUICK * flow * step
+    quick = scale * np.abs(np.diff(flow, prepend=flow[0])) > QUICK * flow * step
     last = np.maximum.accumulate(np.where(quick, time, -np.inf))
     return (time - last > LAG * scale) | quantities.get("steady", False)
 

@@ -68,8 +68,7 @@ def _comments(design: Design, poisson: float) -> str:
         outlines = f"Coordinates are those of {outline_names(design.solution, design.turbine)}."
     except InputError as error:
         outlines = f"COORDINATES ARE A PLACEHOLDER: {error.key} {error.problem}."
-    words = {"outlines": outlines, "poisson": poisson}
-    return filled("windio.txt", design, words).rstrip("\n")
+    return filled("windio.txt", design, {"outlines": outlines, "poisson": poisson}).rstrip("\n")
 
 
 def _outer_shape(design: Design, stacking: float, positions: list[dict]) -> dict[str, Any]:

@@ -83,8 +83,7 @@ def _shape(design: Design) -> np.ndarray:
 
 def _body(design: Design, kind: Stl, name: str, color: str) -> Body:
     # the rotor's axes turned about y
-    corners = np.concatenate(kind.rotor(design))[..., [2, 1, 0]] * (1, 1, -1)
-    return Body(name, corners, color)
+    return Body(name, np.concatenate(kind.rotor(design))[..., [2, 1, 0]] * (1, 1, -1), color)
 
 
 def _beside(rotors: Sequence[Body]) -> list[np.ndarray]:

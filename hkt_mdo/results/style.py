@@ -70,8 +70,7 @@ def figure_of(
     ]
     grid.set_height_ratios(heights)
     figure.align_ylabels()
-    rows = legend(figure.axes)
-    figure.set_figheight(BESIDES + sum(heights) + 0.16 * max(0, rows - 2))
+    figure.set_figheight(BESIDES + sum(heights) + 0.16 * max(0, legend(figure.axes) - 2))
     TightLayoutEngine().execute(figure)
     return figure
 

@@ -282,8 +282,7 @@ def _newton_step(slope, bend, room, radius):
     sizes, axes = np.linalg.eigh(0.5 * np.moveaxis(bend + bend.swapaxes(0, 1), -1, 0))
     along = np.einsum("nij,in->nj", axes, slope) / np.maximum(np.abs(sizes), 1e-30)
     step = np.einsum("nij,nj->in", axes, along)
-    length = np.linalg.norm(step, axis=0)
-    step *= np.minimum(1.0, radius / np.maximum(length, 1e-300))
+    step *= np.minimum(1.0, radius / np.maximum(np.linalg.norm(step, axis=0), 1e-300))
     return np.clip(step, *room)
 
 

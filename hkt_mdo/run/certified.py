@@ -118,8 +118,7 @@ def _inertia_of_heavy(physics, optimum):
         first = np.searchsorted(chords[:-1], best_chord[:, j].min(), side="right")
         load = np.full((RATIOS, CHORDS), -np.inf)
         if first < CHORDS:  # else the largest chord is the best, and there are none beyond it
-            pairs = np.meshgrid(chords[first:-1], twists, indexing="ij")
-            chord, twist = map(np.ravel, pairs)
+            chord, twist = map(np.ravel, np.meshgrid(chords[first:-1], twists, indexing="ij"))
             strip = replace(blade, r=np.full(chord.size, r), chord=chord, twist=twist)
             loads = bem.sections(strip, physics.rotor.polar.at_station(j), ratios).tangential_load
             # the increase between twists, by a parabola; then the best of this and larger chords

@@ -144,7 +144,7 @@ class Run:
             parts.append(in_equilibrium(physics_, scenario, plant, design.gains, {}))
             if (stopped := parts[-1].simulation.stopped_at) is not None:
                 problem = f"has no equilibrium of the rotor in {scenario.when(stopped)}"
-                remedy = "give a larger cut_in, or a lower control.cut_out in the design"
+                remedy = "give a larger cut_in, or a lower --cut-out"
                 raise InputError(problem, remedy, key="--flow", value=self.inflow.profile)
         return tuple(parts)
 
@@ -405,6 +405,7 @@ def simulations(
     flow: str | Mapping[str, Any] = "design",
     seeds: str | None = None,
     condition: str | None = None,
+    cut_out: float | None = None,
     dynamics: str | None = None,
     tau1: float | None = None,
     start: bool = False,
@@ -423,6 +424,8 @@ def simulations(
         As of `runs_of`.
     condition : str or None
         Fouling in place of that of the case, as text.
+    cut_out : float or None
+        Flow speed (m/s) above which the machine stands still, in place of the law's.
     dynamics : str or None
         Model of the wake; None: that of the case.
     tau1 : float or None
@@ -447,12 +450,13 @@ def simulations(
     if (start or stop is not None) and (not start or noise):
         remedy = "leave --noise-snr out" if noise else "give --start-up with --shut-down"
         raise InputError("is for a start from standstill, without noise", remedy, key="--start-up")
-    if condition is not None:
-        solution = replace(solution, case=solution.case.with_overrides(f"condition={condition}"))
+    changes = {"condition": condition, "control.cut_out": cut_out}
+    if asked := [f"{key}={value}" for key, value in changes.items() if value is not None]:
+        solution = replace(solution, case=solution.case.with_overrides(*asked))
     wake, against = solution.case.inflow_dynamics, ""
     if dynamics is not None or tau1 is not None:
-        asked = json.dumps({"model": dynamics or wake.model, "tau1": tau1})
-        wake = solution.case.with_overrides(f"inflow_dynamics={asked}").inflow_dynamics
+        model = json.dumps({"model": dynamics or wake.model, "tau1": tau1})
+        wake = solution.case.with_overrides(f"inflow_dynamics={model}").inflow_dynamics
     if noise:
         against = "--noise-snr, whose runs take the torque from a table"
     if start:

@@ -22,6 +22,7 @@ RATIOS = np.concatenate((np.arange(SLOWEST_RATIO, 2.0, 0.02), np.arange(2.0, 20.
 """Tip speed ratios of the tabulated torque of the noisy runs."""
 LONGEST_STEP = 0.25  # of Runge-Kutta, over the rotor's smallest time constant J / |dQ/dw|
 REFERENCES = ("fluctuation", "total")
+MOST_SAMPLES = 1e7  # of all repeats: 2 GB
 PAPER_FLOWS = {
     "design": {},
     "A": {"scale": 1.1},
@@ -156,6 +157,9 @@ def noisy_runs(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, see
     plant = design.plant
     tabulated = plant.tabulated(RATIOS)
     n_samples = round(duration * sensor.rate)
+    if n_samples * repeats > MOST_SAMPLES:
+        remedy = f"give at most {MOST_SAMPLES / n_samples:.0f}, or a lower --sample-rate"
+        raise InputError("are too many for the memory", remedy, key="--repeats", value=repeats)
     period = duration / n_samples
     slopes = np.abs(plant.torque_slope(quiet.rotor_speed, quiet.inflow_speed))
     ratio = quiet.rotor_speed / quiet.inflow_speed

@@ -106,8 +106,7 @@ def check(name, kept, rotor):
         largest = np.max(np.linalg.norm(point.own_loads, axis=0))
         difference = np.abs(point.loads - point.own_loads)[:, same]
         assert np.max(difference) < 1e-5 * largest
-        angle = np.rad2deg(np.abs(point.angle - point.own_angle))[same]
-        assert np.quantile(angle, 0.9) < 1e-4
+        assert np.quantile(np.rad2deg(np.abs(point.angle - point.own_angle))[same], 0.9) < 1e-4
         # the sum over the span: AeroDyn's is exact for linear loads, this program's by trapezoids
         blade = design.blade
         coefficients = rotor_of(design).coefficients(blade, [point.ratio])

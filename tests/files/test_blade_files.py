@@ -134,8 +134,7 @@ def test_interior_rows_lie_between_hub_and_tip():
 
 def test_an_aerodyn_blade_counts_from_the_root(put):
     rows = "0.0E+00 0 0 0 1.3308000E+01 3.542 1\n1.3667D+00 0 0 0 13.308 3.542 1\n"
-    path = aerodyn(put, rows + "4.1 0 0 0 13.308 3.854 3 ! remark")
-    table = read_blade(path)
+    table = read_blade(aerodyn(put, rows + "4.1 0 0 0 13.308 3.854 3 ! remark"))
     np.testing.assert_array_equal(table.r, [0.0, 1.3667, 4.1])
     np.testing.assert_array_equal(table.twist, np.deg2rad([13.308] * 3))
     assert table.section == ("1", "1", "3")

@@ -167,6 +167,5 @@ def test_a_material_of_ones_own_and_keys_beside_it():
     assert model.rotor.structure.density == pytest.approx(1900.0)
     assert model.rotor.structure.modulus == 30e9
     assert {each.name: each.upper for each in model.all_limits}["stress"] == pytest.approx(60e6)
-    beside = plant(rotor | {"material_density": 900.0, "modulus": "20 GPa"})
-    structure = beside.rotor.structure
+    structure = plant(rotor | {"material_density": 900.0, "modulus": "20 GPa"}).rotor.structure
     assert (structure.density, structure.modulus) == (900.0, 20e9)

@@ -124,8 +124,7 @@ def test_a_bar_turning_without_loads_has_the_centrifugal_stress(nothing):
     flow_speed = 1.7
     speed = RATIO[:, None] * flow_speed / 1.4
     expected = 0.5 * METAL * speed**2 * (1.4**2 - stress.r**2)
-    q = 0.5 * WATER * flow_speed**2
-    assert q * stress.exact == pytest.approx(expected, rel=1e-13)
+    assert 0.5 * WATER * flow_speed**2 * stress.exact == pytest.approx(expected, rel=1e-13)
     # twice as fast is four times the stress; a uniform chord does not matter
     for unit in np.eye(stress.r.size):
         by_ratio, by_chord, *_ = stress.slopes(np.broadcast_to(unit, stress.values.shape))
