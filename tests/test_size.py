@@ -8,7 +8,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).parent.parent / "hkt_mdo"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
-MOST_LINES = 20_192
+MOST_LINES = 20_193
 
 BLANK = {
     *(tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT),

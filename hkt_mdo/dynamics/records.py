@@ -79,6 +79,8 @@ class RecordInflow(RecordFile, SampledInflow):
     """Uneven steps: the record is refused, or interpolated at the median step."""
     cutoff: Annotated[float, Quantity("Hz", gt=0)] | None = None
     """Cutoff of the low-pass, without phase shift; null: half of Nyquist's frequency."""
+    scale: Annotated[float, Quantity(gt=0)] = 1.0
+    """Factor on all speeds."""
 
     @cached_property
     def _record(self) -> Columns:
@@ -86,7 +88,7 @@ class RecordInflow(RecordFile, SampledInflow):
         return _read(self, file_state(self.file))
 
     def samples(self):
-        return self._record.time, self._record.speed, "not-a-knot"
+        return self._record.time, self.scale * self._record.speed, "not-a-knot"
 
     @property
     def length(self):
@@ -100,7 +102,7 @@ class RecordInflow(RecordFile, SampledInflow):
 
     @property
     def mean_speed(self):
-        return float(np.mean(self._record.speed))
+        return self.scale * float(np.mean(self._record.speed))
 
     @property
     def messages(self):

@@ -52,6 +52,8 @@ def test_a_record_is_its_samples_low_passed(tmp_path):
     assert RecordInflow(file=str(path)).highest_frequency == pytest.approx(1.0, rel=1e-12)
     np.testing.assert_allclose(record.time, TIME, atol=1e-9)
     np.testing.assert_allclose(record.speed, low_pass(SPEED, STEP, 1.0), rtol=1e-12)
+    scaled = RecordInflow(file=str(path), scale=1.3)
+    np.testing.assert_allclose(scaled.speed_at(TIME), 1.3 * record.speed, rtol=1e-12)
     removed = 100.0 * (1.0 - np.var(record.speed) / np.var(SPEED))
     assert len(record.messages) == 2
     assert says(record, "record.csv: 2400 samples every 0.25 s, mean 1.5")
