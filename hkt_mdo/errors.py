@@ -4,7 +4,7 @@ import difflib
 import reprlib
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
@@ -49,14 +49,14 @@ def show(value: object) -> str:
     return text
 
 
-def did_you_mean(name: str, names: Iterable[str]) -> str:
-    """Return the beginning of a remedy that offers the nearest of the known names.
+def did_you_mean(name: str, names: Collection[str]) -> str:
+    """Return the beginning of a remedy that offers the nearest of the known names, or a longer one.
 
     Parameters
     ----------
     name : str
         An unknown name.
-    names : iterable of str
+    names : collection of str
         The known names.
 
     Returns
@@ -64,7 +64,8 @@ def did_you_mean(name: str, names: Iterable[str]) -> str:
     str
         A question and a space after it; empty if no known name is near.
     """
-    near = difflib.get_close_matches(name[:LONGEST_GUESS], names, n=1)
+    longer = [known for known in names if known.startswith(f"{name}_")]
+    near = longer or difflib.get_close_matches(name[:LONGEST_GUESS], names, n=1)
     return f"did you mean {near[0]}? " if near else ""
 
 

@@ -1,7 +1,7 @@
 """Errors of pydantic in words for the user: the key, the problem and the remedy."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
@@ -200,7 +200,7 @@ def _words(error: ErrorDetails, root: type[Section]) -> tuple[str, str, str, dic
     return key, problem, remedy, keyword
 
 
-def _suggest(value: object, choices: Iterable[str]) -> str:
+def _suggest(value: object, choices: Collection[str]) -> str:
     """Return the nearest choice and all of them."""
     guess = did_you_mean(value, choices) if isinstance(value, str) else ""
     return f"{guess}give one of {', '.join(choices)}"

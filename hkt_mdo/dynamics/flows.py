@@ -97,8 +97,7 @@ class Inflow(Section):
 
         They are no farther apart than the shortest period there, and features begin and end there.
         """
-        count = 1 if self.tells_features else UNKNOWN_PIECES
-        times = [np.linspace(first, last, count + 1)]
+        times = [np.linspace(first, last, 2 if self.tells_features else UNKNOWN_PIECES + 1)]
         for begin, end, period in self.features:
             begin, end = np.clip((begin, end), first, last)
             if end > begin:

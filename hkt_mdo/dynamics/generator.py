@@ -102,7 +102,7 @@ class Generator(Section):
         first, last = self._surface.speeds
         if first > high or last < low:
             problem = f"has speeds from {first:.4g} to {last:.4g} rad/s, and this rotor turns at "
-            problem += f"{low:.3g} to {high:.3g}"
+            problem += f"{low:.3g} to {high:.3g}, in flows of {slowest:.3g} to {fastest:.3g} m/s"
             remedy = "give torque and speed of the rotor's shaft, not of the shaft behind a gearbox"
             raise InputError(problem, remedy, file=self.table)
 

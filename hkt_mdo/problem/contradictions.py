@@ -84,17 +84,18 @@ def redundant_limits(case: Case, shape: Shape) -> Iterator[str]:
     smallest, largest = shape.radii
     share = generator.largest_efficiency
     implied = [
-        ("electrical_power", share * power, electrical, "W", "power"),
-        ("power", torque * speed, power, "W", "rotor_speed with control.torque_limit"),
-        ("tip_speed", speed * largest, tip, "m/s", "rotor_speed"),
-        ("rotor_speed", tip / smallest, speed, "rad/s", "tip_speed"),
+        ("electrical_power", share * power, electrical, "W", "limits.power"),
+        ("power", torque * speed, power, "W", "limits.rotor_speed with control.torque_limit"),
+        ("tip_speed", speed * largest, tip, "m/s", "limits.rotor_speed"),
+        ("rotor_speed", tip / smallest, speed, "rad/s", "limits.tip_speed"),
+        ("rotor_speed", generator.fastest, speed, "rad/s", "the end of generator.table"),
     ]
     if generator.proportional and share * power > electrical:
-        implied.append(("power", electrical / share, power, "W", "electrical_power"))
+        implied.append(("power", electrical / share, power, "W", "limits.electrical_power"))
     for name, most, bound, unit, others in implied:
         if most <= bound < np.inf:
             yield (
-                f"limits.{name} = {bound:g} {unit} has no effect: limits.{others} allows "
+                f"limits.{name} = {bound:g} {unit} has no effect: {others} allows "
                 f"{most:.4g} {unit} at most"
             )
 
