@@ -112,9 +112,7 @@ def _head(design: Design) -> list[str]:
     ends = f"{min(map(np.min, speeds)):.5g} to {max(map(np.max, speeds)):.5g} rad/s"
     formula = cleandoc(type(law).__doc__ or "").splitlines()
     lines = [*provenance(solution), "", *formula, ""]
-    lines.append(
-        f"rotor speeds in the operation of the result: {ends}; not for a rotor turning back"
-    )
+    lines.append(f"for positive rotor speeds; those in operation of the result: {ends}")
     lines += [f"{x}, not part of the law: {y}" for x, y in beside_law(design).items()]
     names = [
         f"{limit.name} {limit.upper:g} {limit.unit or ''}".rstrip()
