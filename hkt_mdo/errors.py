@@ -64,7 +64,7 @@ def did_you_mean(name: str, names: Collection[str]) -> str:
     str
         A question and a space after it; empty if no known name is near.
     """
-    longer = [known for known in names if known.startswith(f"{name}_")]
+    longer = [key for key in names if key.startswith(f"{name}_")]
     near = longer or difflib.get_close_matches(name[:LONGEST_GUESS], names, n=1)
     return f"did you mean {near[0]}? " if near else ""
 

@@ -233,8 +233,9 @@ class Run:
         -------
         dict of Extreme
             Each has ``value`` and ``unit`` (SI), ``time_s`` and, along the blade, ``r_m``; of a
-            limit ``limit``, ``share`` (the value over it) and ``kept``. A rotor that stops, stalls
-            or runs away is an entry with the instant as its value.
+            limit ``limit``, ``share`` (the value over it) and ``kept``. Of a limit there is
+            another entry, ``NAME with noise``, for all noisy runs. A rotor that stops, stalls or
+            runs away is an entry with the instant as its value.
         """
         physics, case, extremes = self.design.physics, self.design.physics.case, {}
         operations = [(part.rotor, part.simulated) for part in self.parts]
@@ -243,11 +244,11 @@ class Run:
             series = trajectory_of(*noisy.samples, self.design.blade.rotor_radius, case.generator)
             series |= self.parts[0].loads(series) | self.parts[0].scalars
             trajectories.append((" with noise", series))
-        for words, quantities in trajectories:
+        for suffix, quantities in trajectories:
             for limit in self.parts[0].physics.scenarios[0].limits:
-                known = not limit.bounded and quantities.keys() >= set(limit.inputs)
-                if known and np.isfinite(limit.end_of(limit.reported(quantities))):
-                    name, entry = f"{limit.name}{words}", _extreme(limit, quantities)
+                applies = not limit.bounded and quantities.keys() >= set(limit.inputs)
+                if applies and np.isfinite(limit.end_of(limit.reported(quantities))):
+                    name, entry = f"{limit.name}{suffix}", _extreme(limit, quantities)
                     entries = entry, extremes.get(name, entry)
                     extremes[name] = max(entries, key=lambda x: x.share or 0.0)
         for name, load in placed(self.design.blade, operations).items():
