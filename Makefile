@@ -19,8 +19,7 @@ test: $(STAMP)-test
 
 # slow tests: installed package, commands of the documentation, benchmarks in small; then lint
 check: $(STAMP)-test lint
-	$(BIN)/python -m pytest $(WORKERS) -m slow
-	$(BIN)/python -m pytest $(WORKERS) studies/benchmarks
+	$(BIN)/python -m pytest $(WORKERS) -m slow tests studies/benchmarks
 
 # the documentation site in build/docs; a warning is an error, and the notebooks are run (a minute)
 docs: $(STAMP)-docs
