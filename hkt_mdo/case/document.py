@@ -127,7 +127,7 @@ def _inner_sections(value: Mapping[str, Any]) -> list[tuple[str, Mapping[str, An
     A section whose only key is its bound is described with the key.
     """
     inner = [("An entry of ", value.get("items", {}))]
-    inner += [("", option) for option in value.get("anyOf", [value])]
+    inner += [("", x) for way in value.get("anyOf", [value]) for x in way.get("anyOf", [way])]
     return [(words, part) for words, part in inner if part.get("properties", {}).keys() - {"bound"}]
 
 

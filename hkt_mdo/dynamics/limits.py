@@ -218,8 +218,8 @@ class StressLimit(Limit):
     bound: Annotated[Any, Quantity("Pa", gt=0, word=ALLOWABLE)]
     """Largest stress, or `allowable`, that of `rotor.material`; apply a safety factor yourself."""
     weight: Annotated[bool, Strict()] = False
-    """Whether the largest stress by the blade's weight in water is added, which changes its sign in
-    every half turn. The sum is an upper bound: both may be largest at different places."""
+    """Whether the largest stress by the blade's weight in water is added: an upper bound, for both
+    may be largest at different places."""
 
     @property
     def inputs(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -240,6 +240,7 @@ class CavitationLimit(Limit, of="cavitation"):
     """No section reaches the vapour pressure at the top of its turn (docs/rotor_model.md)."""
 
     upper: ClassVar[float] = 1.0  # type: ignore[assignment]
+    short = "margin"
 
     depth: Annotated[float, Quantity("m", gt=0)] | None = None
     """Depth of the hub below the surface; null: `site.hub_depth`."""

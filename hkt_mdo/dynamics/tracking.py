@@ -85,8 +85,7 @@ class Tracking(FeedbackLaw):
 
     def moves(self, gains, factor):
         ends = super().moves(gains, factor)
-        gain_bounds = self.proportional_bounds, self.integral_bounds
-        for index, bounds in zip((-2, -1), gain_bounds, strict=True):
+        for index, bounds in (-2, self.proportional_bounds), (-1, self.integral_bounds):
             held = bounds or 2 * (gains[index],)
             ends[:, index] = np.clip(ends[:, index], *held)
         return ends

@@ -100,8 +100,7 @@ class Wake:
         reduced, induced = np.split(filters, 2, axis=-1)
         first = ((1.0 - AT_ONCE) * steady - reduced) / slow
         fast = np.tile(fast, steady.shape[-1] // fast.shape[-1])
-        second = (reduced + AT_ONCE * steady - induced) / fast
-        return np.concatenate((first, second), axis=-1)
+        return np.concatenate((first, (reduced + AT_ONCE * steady - induced) / fast), axis=-1)
 
     def sections(self, speed, flow, filters):
         """Return the `Sections` under the filters' velocities, (n_points, n_filters)."""

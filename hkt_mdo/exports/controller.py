@@ -110,8 +110,7 @@ def _head(design: Design) -> list[str]:
     solution, law = design.solution, design.law
     speeds = [part["trajectory"]["rotor_speed_rad_s"] for part in solution.tables.values()]
     ends = f"{min(map(np.min, speeds)):.5g} to {max(map(np.max, speeds)):.5g} rad/s"
-    formula = cleandoc(type(law).__doc__ or "").splitlines()
-    lines = [*provenance(solution), "", *formula, ""]
+    lines = [*provenance(solution), "", *cleandoc(type(law).__doc__ or "").splitlines(), ""]
     lines.append(f"for positive rotor speeds; those in operation of the result: {ends}")
     lines += [f"{x}, not part of the law: {y}" for x, y in beside_law(design).items()]
     names = [

@@ -236,8 +236,7 @@ def _first_crossing(x: np.ndarray, y: np.ndarray) -> list[tuple[int, int]]:
 
     for side in range(x.size - 2):
         others = np.arange(side + 2, x.size - (side == 0))
-        after = (others + 1) % x.size
-        apart = turn(side, others) * turn(side, after)
+        apart = turn(side, others) * turn(side, (others + 1) % x.size)
         side_apart = turn(others, side) * turn(others, side + 1)
         crossed = np.flatnonzero((apart < 0.0) & (side_apart < 0.0))
         if crossed.size:

@@ -16,7 +16,7 @@ import numpy as np
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.dynamics.laws import Law
-from hkt_mdo.dynamics.limits import Limit, TorqueLimit
+from hkt_mdo.dynamics.limits import Limit, RotorSpeedLimit, TorqueLimit
 from hkt_mdo.errors import InputError, needed
 from hkt_mdo.files.shipped import COLUMNS
 from hkt_mdo.files.table import Csv, number_columns, parse_number, read_bytes, read_text
@@ -278,9 +278,11 @@ class Solution:
         """Limits of the case on quantities over time, that of the torque first."""
         case, law = self.case.of_scenario(), self.law
         material = case.rotor.blade_material  # which may have the allowable stress
-        others = (x.on(None, material) for x in case.limits.given if x.place == "time")
-        limits = TorqueLimit(bound=law.largest_torque), *others
-        return tuple(limit for limit in limits if np.isfinite(limit.end))
+        limits = {x.name: x.on(None, material) for x in case.limits.given if x.place == "time"}
+        if speed := (self.summary.limits or {}).get("rotor_speed"):  # perhaps of generator.table
+            limits["rotor_speed"] = RotorSpeedLimit(bound=speed.limit or np.inf)
+        every = TorqueLimit(bound=law.largest_torque), *limits.values()
+        return tuple(limit for limit in every if np.isfinite(limit.end))
 
     @property
     def _scalars(self) -> dict[str, float]:

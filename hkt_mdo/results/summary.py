@@ -16,6 +16,7 @@ from hkt_mdo.dynamics.limits import BETWEEN, CavitationLimit
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.yaml_text import dotted
 from hkt_mdo.problem.point import StartRecord
+from hkt_mdo.results import words as texts
 from hkt_mdo.results.words import Row, amounts, joined, limit_words, measured, per_cent, printable
 
 VERSION = 1
@@ -656,6 +657,7 @@ class Summary(Achieved):
         share = 100.0 * best / bound if best is not None and bound else None
         off = per_cent(simulated - energy, energy, sign="+") if simulated and energy else ""
         yield Row("case", case.name)
+        yield Row("flow", None if case.scenarios else texts.flow_words(case.inflow))
         yield Row("verdict", self.verdict(case))
         yield Row("message", self.message)
         if self.memory is not None:
@@ -704,8 +706,7 @@ class Summary(Achieved):
         at_peak = f"at tip speed ratio {peak}"
         yield Row("largest power coefficient", self.power_coefficient_max, "", at_peak, 4)
         yield Row("stations", self.chord_m and len(self.chord_m))
-        if case.design.radius_bounds is not None:
-            yield Row("tip radius", self.tip_radius_m, "m", digits=4)
+        yield Row("tip radius", self.tip_radius_m, "m", digits=4)
         if case.design.set_angle_bounds:
             yield Row("set angle", self.set_angle_deg, "deg", digits=4)
         besides = f"of which {measured(self.hub_inertia_kg_m2)} kg m^2 designed besides the blades"

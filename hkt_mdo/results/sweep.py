@@ -245,5 +245,4 @@ class SweepTable:
         cost, gain = self.columns[self.cost], self.merit
         runs = np.flatnonzero(self.verified & np.isfinite(cost))
         order = runs[np.lexsort((-gain[runs], cost[runs]))]
-        best = np.maximum.accumulate(np.r_[-np.inf, gain[order]])
-        return order[gain[order] > best[:-1]]
+        return order[gain[order] > np.maximum.accumulate(np.r_[-np.inf, gain[order]])[:-1]]

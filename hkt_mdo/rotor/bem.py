@@ -226,8 +226,7 @@ def _derivatives(terms, lambda_r, chord, r, tip_radius, by_followed, out):
     )
     for i, (f_ratio, by_chord, tangential_x, normal_x) in enumerate(changes):
         s_x = s_k * (k_unit * normal_x + k * by_chord)
-        m_x = m_unit * tangential_x + m * by_chord
-        phi_x = -(s_x + m_x / lambda_r + f_ratio) / f_phi
+        phi_x = -(s_x + (m_unit * tangential_x + m * by_chord) / lambda_r + f_ratio) / f_phi
         s_x += s_phi * phi_x
         out[2, i], out[3, i] = phi_x, -s_x / (s * s)
         for load, force_x in enumerate((tangential_x, normal_x)):

@@ -152,8 +152,7 @@ def _search(lambda_r, station, polar, minima, chord_bounds, twist_bounds):
     if room <= 0.0:
         return 0.0, 0.0, 0.0
     # crowded towards the undisturbed angle, where little lift or a narrow chord has its optimum
-    angles = high - room * np.linspace(1.0, 0.0, ANGLES + 1) ** 1.5
-    phi = _highest(angles, _best_at, arguments)
+    phi = _highest(high - room * np.linspace(1.0, 0.0, ANGLES + 1) ** 1.5, _best_at, arguments)
     load, chord, alpha = _best_at(phi, *arguments)
     return load, chord, phi - alpha
 
@@ -162,8 +161,7 @@ def _search(lambda_r, station, polar, minima, chord_bounds, twist_bounds):
 def _turned(twist, chord, lambda_r, station, polar, knots):
     """Return the load of a section by BEM, as a tuple for `_highest`."""
     whole = chord, twist, *station, polar
-    count = bem._curve(lambda_r, whole, knots)
-    _, terms = bem._first_root(lambda_r, knots, count, whole)
+    _, terms = bem._first_root(lambda_r, knots, bem._curve(lambda_r, whole, knots), whole)
     s = terms[0][0]
     return (chord * terms[1][0] / (s * s) if s > 0.0 else -np.inf,)
 

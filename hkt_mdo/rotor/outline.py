@@ -204,8 +204,7 @@ class Outline:
         run, rise = np.gradient(self.x), np.gradient(self.y)
         step = self._turn * wall / np.maximum(np.hypot(run, rise), np.finfo(float).tiny)
         x = np.min(self.x) + wall + FRACTIONS * (np.ptp(self.x) - 2.0 * wall)
-        inner = self.x - step * rise, self.y + step * run
-        upper, lower = _sides_at(x, *inner)[:: self._turn]
+        upper, lower = _sides_at(x, self.x - step * rise, self.y + step * run)[:: self._turn]
         inside = upper > lower
         if np.count_nonzero(inside) < 2:
             return None

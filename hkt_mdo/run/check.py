@@ -138,8 +138,7 @@ def _turbine(findings: Findings) -> Rows:
     if blade.cone:
         yield Row("cone", np.rad2deg(blade.cone), "deg", digits=3)
     yield Row("density of the water", findings.case.fluid.density, "kg/m**3")
-    stations = f"{blade.r.size} stations at {places()}"
-    yield Row("blade at the start", source, "", stations)
+    yield Row("blade at the start", source, "", f"{blade.r.size} stations at {places()}")
     yield Row("chord", blade.chord, "m", digits=4)
     yield Row("twist", np.rad2deg(blade.twist), "deg", digits=3)
     yield Row("mass", mass, "kg", material, 4)

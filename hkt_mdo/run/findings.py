@@ -25,6 +25,7 @@ from hkt_mdo.start.result import GIVEN, given_designs
 MARGIN = 0.7, 1.3
 MOST_INSTANTS = 2**17  # at which the flow is looked at
 LIGHT = 0.02  # share of the torque below which stations outside their polars' tables are a note
+BRAKING = 0.1  # of the driving torque, from which parts that brake are told: river25_short, 60 %
 # radius of the outer stations over that of the last one, and the factor by which their Reynolds
 # number may differ from that of the polars
 OUTER, FAR_REYNOLDS = 0.6, 3.0
@@ -45,8 +46,8 @@ class Stations:
         Lowest and highest angle of attack in operation, and of the polars' tables, rad.
     unsolved : ndarray, shape (n_stations,)
         Where BEM has no solution.
-    share : ndarray, shape (n, n_stations)
-        Of the torque at each tip speed ratio, without signs.
+    torque : ndarray, shape (n, n_stations)
+        Part of the torque coefficient at each tip speed ratio.
     reynolds : ndarray, shape (2, n_stations)
         Reynolds numbers at both ratios, in the slowest and the fastest flow.
     numbers, used, follows_reynolds
@@ -65,12 +66,11 @@ class Stations:
         sections = bem.sections(blade, polar, np.linspace(*working, 31))
         lowest = [max(table.alpha_min for table in tables) for tables in polars]
         highest = [min(table.alpha_max for table in tables) for tables in polars]
-        torque = np.abs(bem.torque_weights(blade) * sections.tangential_load)
+        self.torque = bem.torque_weights(blade) * sections.tangential_load
         self.blade, self.working, self.polars = blade, working, polars
         self.met = np.quantile(sections.angle_of_attack, (0.0, 1.0), axis=0)
         self.table = np.array((lowest, highest))
         self.unsolved = np.any(sections.branch < 0, axis=0)
-        self.share = torque / torque.sum(axis=1, keepdims=True)
 
     def places(self, chosen=slice(None)) -> str:
         """Return in words where some stations lie."""
@@ -85,11 +85,18 @@ class Stations:
             text = f"blade element momentum theory has no solution at {self.places(self.unsolved)}"
             text += f" of the {of}: no load counts there"
             yield Row("rotor.polar", text, severity="warning")
+        driving, braking = (np.maximum(x, 0.0).sum(axis=1) for x in (self.torque, -self.torque))
+        share = braking / np.maximum(driving, 1e-12)
+        if share[worst := int(np.argmax(share))] > BRAKING:
+            text = f"{self.places(self.torque[worst] < 0.0)} of the {of} brakes the rotor, by up "
+            text += f"to {number(100.0 * share[worst], 2)} % of the torque that drives it"
+            yield Row("rotor.blade", text, severity="warning")
         below, above = self.table[0] - self.met[0], self.met[1] - self.table[1]
         over = np.maximum(above, below)
         outside = over > 1e-9
         if np.any(outside):
-            worst, share = int(np.argmax(over)), float(self.share[:, outside].sum(axis=1).max())
+            torque, worst = np.abs(self.torque), int(np.argmax(over))
+            share = float(np.max(torque[:, outside].sum(axis=1) / torque.sum(axis=1)))
             angle = np.rad2deg(self.met[int(above[worst] >= below[worst]), worst])
             table = measured(np.rad2deg(self.table[:, worst]), "deg", 4)
             text = f"{outside.sum()} of the stations of the {of}, at {self.places(outside)}, with "

@@ -153,8 +153,7 @@ class SteadyFlow:
     def side(self, blade: Blade, ratio: float) -> str:
         """Return the branch of a blade that works at a tip speed ratio in the fastest flow."""
         rate, _ = replace(self, speeds=self.speeds[-1:]).at_nodes(blade)
-        best = self.spline.nodes[np.argmax(rate)]
-        return "overspeed" if ratio >= best else "underspeed"
+        return "overspeed" if ratio >= self.spline.nodes[np.argmax(rate)] else "underspeed"
 
     def ratios(self, blade: Blade, branch: str) -> np.ndarray:
         """Return the tip speed ratios of a branch of an open loop at the speeds of the flow.

@@ -92,7 +92,7 @@ def test_what_is_no_readable_case_file_is_reported(name, content, message, tmp_p
         ("rotor.blade.x=1", "rotor.blade = 'bahaj2007': .* rotor.blade.x cannot be applied"),
         ("rotr.radius=1", "rotr = .*did you mean rotor"),
         ("rotor={sections: [{polar: naca4415_Re2e5}], polar: cylinder}", "together with rotor.sec"),
-        ("limits={cavitation: 3}", "bound = 3: unknown key; known here: depth, margin"),
+        ("limits={cavitation: 0.5}", "limits.cavitation.margin = 0.5: must be at least 1"),
         ("limits={thrust: }", "limits.thrust: has no value .*; give one, or null for the default"),
     ],
 )
