@@ -657,7 +657,8 @@ class Summary(Achieved):
         share = 100.0 * best / bound if best is not None and bound else None
         off = per_cent(simulated - energy, energy, sign="+") if simulated and energy else ""
         yield Row("case", case.name)
-        yield Row("flow", None if case.scenarios else texts.flow_words(case.inflow))
+        flows = joined(*(x.name for x in case.scenarios))
+        yield Row("flow", flows or texts.flow_words(case.inflow))
         yield Row("verdict", self.verdict(case))
         yield Row("message", self.message)
         if self.memory is not None:
@@ -702,9 +703,8 @@ class Summary(Achieved):
             yield Row(label, amounts(gain, units)) if listed else Row(label, gain, units[0] or "")
         ratio = self.tip_speed_ratio or Span()
         yield Row("tip speed ratio", ratio.ends, "", f"mean {measured(ratio.mean, digits=4)}", 4)
-        peak = measured(self.tip_speed_ratio_at_power_coefficient_max, digits=4)
-        at_peak = f"at tip speed ratio {peak}"
-        yield Row("largest power coefficient", self.power_coefficient_max, "", at_peak, 4)
+        at = f"at tip speed ratio {measured(self.tip_speed_ratio_at_power_coefficient_max, '', 4)}"
+        yield Row("largest power coefficient", self.power_coefficient_max, "", at, 4)
         yield Row("stations", self.chord_m and len(self.chord_m))
         yield Row("tip radius", self.tip_radius_m, "m", digits=4)
         if case.design.set_angle_bounds:
