@@ -25,7 +25,7 @@ from hkt_mdo.start.result import GIVEN, given_designs
 MARGIN = 0.7, 1.3
 MOST_INSTANTS = 2**17  # at which the flow is looked at
 LIGHT = 0.02  # share of the torque below which stations outside their polars' tables are a note
-BRAKING = 0.1  # of the driving torque, from which parts that brake are told: river25_short, 60 %
+BRAKING = 0.1  # of the driving torque, from which parts that brake are a warning: river25_short
 # radius of the outer stations over that of the last one, and the factor by which their Reynolds
 # number may differ from that of the polars
 OUTER, FAR_REYNOLDS = 0.6, 3.0
