@@ -21,8 +21,8 @@ def first(tmp_path_factory):
 
 def test_the_next_run_starts_from_exactly_that_blade(first, tmp_path):
     changes = ["rotor.blade=blade.csv", "rotor.radius=1.4", "start.method=blade"]
-    changes += [f"control.gain={first.gain!r}"]
-    case = load_case(first.folder / "case.yaml", changes)
+    case = load_case(first.folder / "case.yaml", [*changes, f"control.gain={first.gain!r}"])
+    assert not load_case(first.folder / "case.yaml", ["control=open_loop"]).ends_free
     blade = physics(case).blade
     assert blade.r.tolist() == first.summary.r_m
     assert blade.chord.tolist() == first.summary.chord_m

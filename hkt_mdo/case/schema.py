@@ -25,6 +25,7 @@ from hkt_mdo.files.shipped import find_case
 from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import dump, parse
 from hkt_mdo.messages import validated
+from hkt_mdo.quantities import RATES
 from hkt_mdo.sections import Flaws, Quantity, Section, kind_name, refusal
 
 MOST_SCENARIOS, LONGEST_NAME = 200, 40  # LONGEST_NAME in characters, of a scenario
@@ -182,6 +183,13 @@ class Case(_WithFlow):
     def all_limits(self) -> tuple[Limit, ...]:
         """The limits of the case, and those of its scenarios."""
         return sum((scenario.limits.given for scenario in self.scenarios), self.limits.given)
+
+    @property
+    def ends_free(self) -> bool:
+        """Whether the rotor may end at another speed than it has at first (`final_speed`)."""
+        if self.phase.final_speed != "auto":
+            return self.phase.final_speed == "free"
+        return self.control.is_feedback or any(limit.is_of(RATES) for limit in self.all_limits)
 
     @property
     def extensions(self) -> tuple[Extension, ...]:

@@ -57,7 +57,7 @@ class OperationGroup(om.Group):
             self._add_integral(f"integral_{name}", integrand, weights, name, meta_of(name))
         self._hold_limits()
         for scenario in self._physics.scenarios:
-            if scenario.mesh.final_speed == "initial" and not scenario.steady:
+            if not (self._physics.case.ends_free or scenario.steady):
                 self._close_cycle(scenario)
         self._add_objective()
 

@@ -52,11 +52,7 @@ def complete(case: Case) -> Case:
     duration, segments = _span(case)
     if not case.scenarios:
         case.inflow.check(duration)
-    final = phase.final_speed
-    if final == "auto":
-        rates = any(limit.is_of(RATES) for limit in case.all_limits)
-        final = "free" if rates or case.control.is_feedback else "initial"
-    fields = {"duration": duration, "segments": segments, "final_speed": final}
+    fields = {"duration": duration, "segments": segments}
     scenarios = []
     for number, scenario in enumerate(case.scenarios):
         part = case.of_scenario(scenario.name)

@@ -158,7 +158,7 @@ def allows(result: Solution, other: Solution) -> bool:
     if case.scenarios or case.model_dump(exclude=OWN) != theirs.model_dump(exclude=OWN):
         return False
     phases = [(x.phase.duration, x.phase.initial_speed) for x in (case, theirs)]
-    ends = case.phase.final_speed in ("initial", theirs.phase.final_speed)
+    ends = theirs.ends_free or not case.ends_free
     if phases[0] != phases[1] or not ends or not case.control.contains(theirs.control):
         return False
     return _allows_blade(result, other) and _keeps_limits(result, other)
@@ -202,7 +202,6 @@ def _gain(result, other) -> float:
     Over a closed cycle what is captured is delivered: energy that the other stores does not count.
     """
     objective, theirs = result.case.objective, _objective(other) or 0.0
-    ends = [x.case.phase.final_speed for x in (result, other)]
-    if objective.kind == "captured" and ends == ["initial", "free"]:
+    if objective.kind == "captured" and other.case.ends_free and not result.case.ends_free:
         theirs = min(theirs, other.summary.generator_energy_J or 0.0)
     return objective.behind(_objective(result) or 0.0, theirs)

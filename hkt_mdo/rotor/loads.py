@@ -449,9 +449,10 @@ def _outboard(beam, power):
         return np.stack((pull, second - fine.edges[:-1] * pull))
 
     by_chord = integrals(2.0 * structure.area, fine.chord, weights.T)
-    by_thickness = integrals(change.area * weights.T, fine.chord, fine.chord)
-    values = integrals(structure.area, fine.chord, fine.chord)
-    return values, by_chord, np.zeros(by_chord.shape), by_thickness
+    nothing, values = np.zeros(by_chord.shape), integrals(structure.area, fine.chord, fine.chord)
+    if not np.any(change.area):
+        return values, by_chord, nothing, nothing
+    return values, by_chord, nothing, integrals(change.area * weights.T, fine.chord, fine.chord)
 
 
 def _cavitation(model, blade, flow, ratio):

@@ -356,13 +356,14 @@ def _norms_around(u, v, added, points, moved, exponent):
             if top == 0.0:
                 continue
             counts = most * top + added[i, j] > needed  # in the norm along the blade
-            near = top * (negligible if counts else 1.0 - 1e-12)  # else its farthest point alone
+            # else its farthest point alone
+            p, near = (exponent, top * negligible) if counts else (1, (1.0 - 1e-12) * top)
             total = by_u = by_v = by_points = 0.0 * u_here
             for at in range(points.shape[2]):
                 value = points[k, 0, at] * u_here + points[k, 1, at] * v_here
                 if abs(value.real) > near:  # the others are below the last digit
                     ratio = value / (top if value.real > 0.0 else -top)
-                    power = ratio ** (exponent - 1)
+                    power = ratio ** (p - 1)
                     total += power * ratio
                     power = power if value.real > 0.0 else -power
                     by_u += power * points[k, 0, at]
@@ -370,7 +371,7 @@ def _norms_around(u, v, added, points, moved, exponent):
                     by_points += power * (moved[k, 0, at] * u_here + moved[k, 1, at] * v_here)
                     if not counts:
                         break
-            scale = total ** (1.0 / exponent - 1.0)
+            scale = total ** (1.0 / p - 1.0)
             slopes[0, i, j], slopes[1, i, j] = top * total * scale, by_u * scale
             slopes[2, i, j], slopes[3, i, j] = by_v * scale, by_points * scale
     return slopes, largest

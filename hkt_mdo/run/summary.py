@@ -115,8 +115,7 @@ def _energies(finished):
     simulated = {key: sums[name] if turning else None for name, key in ENERGIES.items()}
     energy, used = sums["energy"], sum(sums[name] for name in taken)
     bound, over = energy_bound(physics, finished.optimum), finished.check("energy_over_certificate")
-    meshes = [scenario.mesh for scenario in physics.scenarios]
-    open_ended = physics.objective.closes and any(x.final_speed != "initial" for x in meshes)
+    open_ended = physics.objective.closes and physics.case.ends_free
     return {
         "energy_J": finished.result.energy,
         **simulated,

@@ -99,7 +99,7 @@ def test_a_limit_of_the_speed_is_within_the_generator_s_table(bound, end, tmp_pa
 def test_a_limited_rate_of_a_scenario_is_one_of_the_case():
     rate, steady = {"limits": {"torque_rate": 30}}, {"inflow": "sine", "steady": True}
     case = load_case(CASE | {"scenarios": [{"inflow": "sine"} | rate, steady | rate]})
-    assert complete(case).phase.final_speed == "free"
+    assert complete(case).ends_free
     model = physics(case)
     names = [[limit.name for limit in each.limits] for each in model.scenarios]
     assert ["torque_rate" in each for each in names] == [True, False]  # at rest it has none
