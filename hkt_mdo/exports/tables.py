@@ -310,6 +310,10 @@ def _station_loads(design: Design, steady: dict | None) -> list[Table]:
     sections = bem.sections(blade, polar, points["tip_speed_ratio"])
     across = flow[:, None] * np.cos(blade.cone)  # speed of the flow normal to the blade
     pressure, speed = 0.5 * design.physics.density * across**2, sections.relative_speed * across
+    with np.errstate(divide="ignore", invalid="ignore"):  # NaN for a section without a root
+        loads = np.stack((sections.normal_load, sections.tangential_load))
+        normal, tangential = loads / (blade.chord * sections.relative_speed**2)
+    sine, cosine = np.sin(sections.inflow_angle), np.cos(sections.inflow_angle)
     by_station = np.broadcast_arrays(
         *(number[:, None], blade.r, blade.chord),
         pressure * sections.normal_load,
@@ -318,6 +322,10 @@ def _station_loads(design: Design, steady: dict | None) -> list[Table]:
         np.rad2deg(sections.angle_of_attack),
         speed,
         speed * blade.chord / design.physics.case.fluid.kinematic_viscosity,
+        sections.axial_induction,
+        sections.tangential_induction,
+        normal * cosine + tangential * sine,
+        normal * sine - tangential * cosine,
     )
     title = "operating points of the table station_loads"
     text = "loads per length at the stations by direct BEM; linear in between, zero at hub and tip"

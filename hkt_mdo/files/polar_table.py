@@ -308,6 +308,11 @@ def _smallest_pressure(table: Mapping[str, Column]) -> np.ndarray | None:
         remedy = f"give {' and '.join(SURFACES)}, or cpmin, the smaller of both"
         file, key = surfaces[0].file, surfaces[0].name
         raise InputError("is of one surface alone", remedy, file=file, key=key)
+    if surfaces:
+        upper, lower = surfaces
+        swapped = (upper.values > lower.values) & (table["cl"].values == table["cl"].values.max())
+        problem = "is less suction than that of the lower surface, where the lift is largest"
+        upper.refuse(swapped, problem, f"exchange {' and '.join(SURFACES)}")
     return np.stack([column.values for column in surfaces or columns.values()])
 
 

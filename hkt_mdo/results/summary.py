@@ -92,7 +92,8 @@ class LoadEntry(_Entry):
 
     Of a limit it is the value closest to the bound `limit`, the smallest of a `lower` one, with
     whether that is reached. Of a limit over time also in which share of the time it binds, and its
-    shadow price, by how much the objective (J) would grow with a limit one per cent larger.
+    shadow price, by how much the objective (J) would grow with a limit one per cent larger. Of the
+    load `cavitation`, in which share of the time sections cavitate.
     """
 
     value: _Number = None
@@ -779,8 +780,10 @@ def unasked(name: str, load: LoadEntry, case: Case) -> str:
     """
     limits = case.of_scenario(load.scenario or "").limits
     by = ("tip_speed", "cavitation", "rotor_speed") if name == "tip_speed" else (name,)
+    share = load.share_of_time
+    lasts = "" if share is None else f" {100.0 * share:.3g} % of the time"
     most, word = {
-        "cavitation": (CavitationLimit().margin, "cavitates"),
+        "cavitation": (CavitationLimit().margin, f"cavitates{lasts}"),
         "stress": (case.rotor.blade_material.allowable_stress, "more than the material allows"),
         "tip_speed": (FAST, "fast: near the surface a usual section cavitates"),
     }.get(name, (None, ""))

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hkt_mdo.dynamics.limits import DesignBounds
+from hkt_mdo.dynamics.limits import CavitationLimit, DesignBounds
 from hkt_mdo.dynamics.resource import Resource
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.files.blade import write_blade_csv
@@ -222,6 +222,10 @@ def _scenario(finished, verifications):
     limits = _over_time(verifications)
     pairs = [(run.rotor, run.simulated) for run in verifications]
     largest = loads.placed(finished.result.point.blade, pairs)
+    if load := largest.get("cavitation"):
+        beyond = [run.simulated["cavitation"] > CavitationLimit().margin for run in verifications]
+        share = {"share_of_time": _mean(verifications, beyond)}
+        largest["cavitation"] = load.model_copy(update=share)
     nodes = [(run.scenario.node_weights, run.trajectory) for run in verifications]
     has_year = isinstance(getattr(scenario, "resource", None), Resource)
     return {

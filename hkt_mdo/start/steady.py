@@ -33,6 +33,9 @@ PATIENCE, BEHIND = 40, 0.1
 # the operation, whose nodes took a third of the time of `all_oloc`; beside it they help (IEA 3.4 MW
 # with `quadratic`, `make verify PART=real`)
 KEPT = 0.7
+# barrier over that of an optimization over time, under an open loop, which is far from its optimum:
+# half of the evaluations of `all_oloc`, three quarters of those of ten random turbines
+FAR = 30.0
 LEAST_SHARE = 1e-6  # of the time, of a speed at which only limits count
 
 
@@ -127,8 +130,9 @@ def optimized(
             raise _Hopeless
 
     open_loop, most = not physics.law.is_feedback, (2 if free else 1) * ITERATIONS
+    ipopt = drivers.near_start(BARRIER * (FAR if open_loop else 1.0) / count)
     # without equations, corrections for their curvature only cost time
-    ipopt = drivers.near_start(BARRIER / count) | ({"max_soc": 0} if open_loop else {})
+    ipopt |= {"max_soc": 0} if open_loop else {}
     driver = drivers.make_driver("casadi", "IPOPT", TOLERANCE, most, ipopt=ipopt, progress=progress)
     # a year does not pass a jump between its flows, and beside it nodes help
     share = KEPT if any(each.steady and each.bins is None for each in physics.scenarios) else np.inf

@@ -132,6 +132,11 @@ def test_loads_of_the_stations_sum_to_torque_and_thrust(name, tmp_path):
         speed = loads["relative_speed_m_s"][rows]
         reynolds = speed * blade.chord / design.physics.case.fluid.kinematic_viscosity
         np.testing.assert_allclose(loads["reynolds_number"][rows], reynolds)
+        angle = np.array([loads["angle_of_attack_rad"][rows]])
+        polar = design.physics.rotor.polar.in_flow(flow)
+        expected = polar.along("coefficients", blade, [ratio], angle)[0][:, 0]
+        found = [loads[f"{name}_coefficient"][rows] for name in ("lift", "drag")]
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
     np.testing.assert_array_equal(values(data["blade"])["chord_m"], blade.chord)
     if name == "designed thickness":
         thickness = values(data["blade"])["thickness_over_chord"]

@@ -39,12 +39,12 @@ def rows(alpha, reynolds, curves=CURVES):
 
 
 def csv_text(angle="alpha_deg", surfaces=()):
-    """Return polars in CSV; the pressure of each of the surfaces is 0.1 below that of the last."""
+    """Return polars in CSV; the pressure of each of the surfaces is 0.1 above that of the last."""
     text = ["# a remark", ",".join(["reynolds", angle, "cl,cd,cm,confidence", *surfaces]), ""]
     for reynolds in reversed(REYNOLDS):
         for a, cl, cd, cm in rows(ALPHA, reynolds):
             value = f"{a:g}" if angle == "alpha_deg" else f"{np.deg2rad(a):.17g}"
-            lowest = (pressure(a, reynolds, 0.1 * index) for index in range(len(surfaces)))
+            lowest = (pressure(a, reynolds, -0.1 * index) for index in range(len(surfaces)))
             text.append(",".join(map(str, [f"{reynolds:g}", value, cl, cd, cm, 0.9, *lowest])))
     return "\n".join(text) + "\n"
 
@@ -140,9 +140,11 @@ def test_every_format_gives_the_same_tables(put, name):
 def test_every_format_may_have_the_smallest_pressure(put, name):
     text, n_surfaces = WITH_PRESSURE[name]
     for table, reynolds in zip(read_polars(put("section.dat", text)), REYNOLDS, strict=True):
-        expected = [pressure(ALPHA, reynolds, 0.1 * index) for index in range(n_surfaces)]
+        expected = [pressure(ALPHA, reynolds, -0.1 * index) for index in range(n_surfaces)]
         assert np.allclose(table.smallest_pressure, expected, rtol=0.0, atol=1e-12)
         check(table, reynolds, with_moment=name != "aerodyn")
+    with pytest.raises(InputError, match=r"cpmin_upper = .* exchange cpmin_upper and cpmin_lower"):
+        read_polars(put("section.dat", csv_text(surfaces=["cpmin_lower", "cpmin_upper"])))
 
 
 def text_of(head, row):
@@ -219,7 +221,7 @@ def test_what_is_not_symmetric_is_not_mirrored(put, changes):
 
 
 def test_both_surfaces_change_places_in_the_mirror():
-    alpha, upper, lower = np.arange(-2.0, 13.0), np.arange(-17.0, -2.0), np.arange(-33.0, -18.0)
+    alpha, upper, lower = np.arange(-2.0, 13.0), np.arange(-33.0, -18.0), np.arange(-17.0, -2.0)
     columns = {"cl": 0.1 * alpha, "cpmin_upper": upper, "cpmin_lower": lower}
     table = polar_table(array_columns(alpha_deg=alpha, cd=0.01 + 0.0 * alpha, **columns))
     at_5 = int(np.flatnonzero(np.isclose(table.alpha, np.deg2rad(-5.0)))[0])
