@@ -43,5 +43,4 @@ class FlowEstimate:
         tip = speed * self.plant.blade.rotor_radius
         driving = torque + self.plant.generator.friction(speed) + self.plant.inertia * acceleration
         unit = torque_scale(self.plant.density, self.plant.blade.rotor_radius, tip)
-        share = np.clip(driving / unit, self.ratio_of.x[0], self.ratio_of.x[-1])
-        return tip / self.ratio_of(share)
+        return tip / self.ratio_of(np.clip(driving / unit, self.ratio_of.x[0], self.ratio_of.x[-1]))

@@ -354,8 +354,7 @@ class DistanceFromStall(Limit):
             driving = coefficient(speed * rotor_radius / inflow_speed)
             return unit * driving - self.law.torque(speed, gains, *states)
 
-        recovery = net((1.0 - self.slowed) * rotor_speed) - net(rotor_speed)
-        return recovery - LEAST * TYPICAL * unit
+        return net((1.0 - self.slowed) * rotor_speed) - net(rotor_speed) - LEAST * TYPICAL * unit
 
     def partial(self, name, quantities):
         if name != "torque_coefficient_table":

@@ -176,8 +176,7 @@ class RecordResource(RecordFile, Resource):
             raise InputError(problem, "give a lower one", key="resource.rating_degree")
         if self.rating_degree is None:
             return discharge, speed, partial(np.interp, xp=discharge, fp=speed)
-        fitted = np.polynomial.Polynomial.fit(discharge, speed, self.rating_degree)
-        return discharge, speed, fitted
+        return discharge, speed, np.polynomial.Polynomial.fit(discharge, speed, self.rating_degree)
 
     def _made(self, raw: Columns, least=-records.FASTEST, most=records.FASTEST) -> FlowSamples:
         """Return the samples of checked columns without gaps."""

@@ -231,8 +231,7 @@ class FeedbackTorque:
     def rates(self, speed, flow, acceleration, *states):
         """Return the rates of the law's states; flow in m/s, acceleration in rad/s**2."""
         if self.estimate is not None:
-            torque = self.law.torque(speed, self.gains, *states)
-            flow = self.estimate(speed, torque, acceleration)
+            flow = self.estimate(speed, self.law.torque(speed, self.gains, *states), acceleration)
         return self.law.rates(speed, flow, self.gains, *states)
 
     def rate(self, time, speed, acceleration, flow=None, *states):

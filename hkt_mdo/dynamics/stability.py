@@ -60,8 +60,7 @@ class Loop:
         wake, n = plant.wake, speed.size
         frozen = plant.torque_slope(speed, flow) - plant.generator.shaft_friction_slope
         if isinstance(controller, FeedbackTorque):
-            slopes = controller.law.slopes(speed, flow, controller.gains, *states)
-            law = np.moveaxis(slopes, -1, 0)
+            law = np.moveaxis(controller.law.slopes(speed, flow, controller.gains, *states), -1, 0)
         else:
             law = np.full((n, 1, 1), controller.stiffness)
         if wake is None:

@@ -211,7 +211,6 @@ def polar_rows(polar: Polar) -> np.ndarray:
     """
     values = polar.coefficients[:, [0, 4]]
     if polar.suction is not None:
-        pressure = -np.maximum(polar.suction[:, 0], polar.suction[:, 4])
-        values = np.column_stack((values, pressure))
+        values = np.column_stack((values, -np.maximum(polar.suction[:, 0], polar.suction[:, 4])))
     alpha = np.linspace(-180.0, 180.0, len(values) + 1)
     return np.column_stack((alpha, np.vstack((values, values[:1]))))

@@ -91,8 +91,7 @@ class Step(Solid):
         surfaces = [spline_surface(poles, knots)]
         edge = poles[[-1, 0]]
         if np.max(np.linalg.norm(edge[1] - edge[0], axis=-1)) > _MILLI * SHARP:
-            straight = np.array([0.0, 0.0, 1.0, 1.0])
-            surfaces.append(spline_surface(edge, (straight, knots[1])))
+            surfaces.append(spline_surface(edge, (np.array([0.0, 0.0, 1.0, 1.0]), knots[1])))
         sewing = build.BRepBuilderAPI_Sewing(_MILLI * SHARP)
         for surface in surfaces:
             sewing.Add(build.BRepBuilderAPI_MakeFace(surface, 1e-7).Face())

@@ -126,8 +126,7 @@ def _read_csv(text: str, file: Path) -> BladeTable:
         problem = "lies beyond the tip, where r/R is 1"
         remedy = "divide by the tip radius, or name the column r_m or r_mm"
         r.refuse(r.values > 1.0 + EDGE, problem, remedy)
-    longest = 1.0 if relative else float(np.max(r.values))
-    rows = checked_rows(r, chord, twist, thickness, longest)
+    rows = checked_rows(r, chord, twist, thickness, 1.0 if relative else float(np.max(r.values)))
     section = None
     if "section" in table.header:
         index = table.header.index("section")

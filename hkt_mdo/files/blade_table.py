@@ -212,8 +212,7 @@ def checked_rows(
     chord.refuse(chord.values <= 0.0, "is no chord", "chords must be greater than 0")
     long = f"is a chord longer than the outermost radius ({longest:g})"
     chord.refuse(chord.values > longest, long, "check the unit of the chord")
-    beyond = np.abs(twist.values) > np.pi * (1.0 + EDGE)
-    twist.refuse(beyond, "is beyond 180 degrees", twist_remedy)
+    twist.refuse(np.abs(twist.values) > np.pi * (1.0 + EDGE), "is beyond 180 degrees", twist_remedy)
     if thickness is not None:
         wrong = (thickness.values < THINNEST) | (thickness.values > 1.0 + THICK_ROUNDED)
         problem = "is no thickness over chord, which lies within 0.01 and 1 (1 and 100 %)"

@@ -523,8 +523,7 @@ class Csv:
         InputError
             To be raised.
         """
-        shown = ",".join(self.header)
-        return line_error(self.file, self.header_line, problem, remedy, value=shown)
+        return line_error(self.file, self.header_line, problem, remedy, value=",".join(self.header))
 
     @cached_property
     def rows(self) -> list[Row]:

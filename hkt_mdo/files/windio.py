@@ -219,8 +219,7 @@ class _Turbine:
         for place, name, configuration in airfoils:
             if name not in library:
                 problem = f"names the airfoil {name}, which airfoils does not hold"
-                remedy = f"add it there; known: {', '.join(list(library)[:8])}"
-                raise place.refuse(problem, remedy)
+                raise place.refuse(problem, f"add it there; known: {', '.join(list(library)[:8])}")
             if chosen.setdefault(name, configuration) != configuration:
                 problem = f"uses {name} in configurations {chosen[name]} and {configuration}"
                 raise place.refuse(problem, "copy the airfoil under a second name")

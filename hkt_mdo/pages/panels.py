@@ -254,11 +254,10 @@ def views(results: Results) -> dict[str, dict[str, Chart]]:
     parts = {"all scenarios": results} if len(names) > 1 else {}
     parts |= {name: charts.of_scenario(results, name) for name in names}
     for name, part in parts.items():
-        time = [*charts.operation(part), charts.margins_over_time(part)]
         drawn[name] = _drawn(
             flow=stacked(charts.power_curve(part), 170),
             year=stacked(charts.year(part), 130),
-            time=stacked(time, 130, most),
+            time=stacked([*charts.operation(part), charts.margins_over_time(part)], 130, most),
             limits=stacked(charts.limits(part)),
             span=stacked(charts.loads(part), 160),
         )

@@ -261,8 +261,7 @@ def _sections(rotor, table, named) -> tuple[list[_Section], tuple[str, ...], tup
     missing = sorted({name for pair in table.section or () for name in pair[:2]} - set(named))
     if rotor.sections and missing:
         problem = f"names the section {missing[0]}, which rotor.sections does not have"
-        remedy = f"give it there; known: {', '.join(named)}"
-        raise InputError(problem, remedy, file=rotor.blade)
+        raise InputError(problem, f"give it there; known: {', '.join(named)}", file=rotor.blade)
     if len(named) == 1:
         (section,) = named.values()
         sections, notes = _of_thickness(rotor, table.thickness, section)

@@ -273,8 +273,7 @@ def year(results: Results) -> list[Panel]:
 
 def limits(results: Results) -> list[Panel]:
     """Return a bar for each limit of each result: the largest value over the limit (%)."""
-    title = "largest value over its limit (%)"
-    panel = Panel(title, "", levels={"limit": 100.0}, from_zero=True)
+    panel = Panel("largest value over its limit (%)", "", levels={"limit": 100.0}, from_zero=True)
     percentages: dict[str, list[str]] = {}
     for result in results:
         shares = [one.limit_shares() for one in result.solution.by_scenario]

@@ -359,8 +359,7 @@ class Solution:
         """
         if name not in TABLES:
             raise InputError("unknown table", f"known: {', '.join(TABLES)}", value=name)
-        one = self if scenario is None else self.scenario(scenario)
-        table: Table = getattr(one, name)
+        table: Table = getattr(self if scenario is None else self.scenario(scenario), name)
         if not table:
             raise InputError(f"has no {name}", "let the run finish", file=self.folder)
         return table

@@ -730,8 +730,7 @@ class Summary(Achieved):
         yield Row("optimizer", work if self.optimizer else None)
         if self.passes:
             remedies = (f"{entry.remedy}: {entry.why}" for entry in self.passes if entry.remedy)
-            note = "; ".join(remedies).replace("_", " ")
-            yield Row("optimizations", len(self.passes), "", note)
+            yield Row("optimizations", len(self.passes), "", "; ".join(remedies).replace("_", " "))
         if self.starts:
             strategy = next((start.strategy for start in self.starts if start.kept), "none")
             yield Row("starts", f"{len(self.starts)} tried", "", f"began with: {strategy}")

@@ -251,8 +251,7 @@ class PolarFamily:
         """
         reynolds = [np.inf if table.reynolds is None else table.reynolds for table in tables]
         messages = dict.fromkeys(message for table in tables for message in table.messages)
-        polars = tuple(map(Polar.from_polar_table, tables))
-        return cls(np.array(reynolds), polars, tuple(messages))
+        return cls(np.array(reynolds), tuple(map(Polar.from_polar_table, tables)), tuple(messages))
 
     @classmethod
     def from_file(cls, source):

@@ -241,5 +241,4 @@ def _induction(blade, weights, flow):
         return bem.Table(values)
     angles, speeds = flow.derivatives[2:, 1:]
     slopes = -has_root * (speeds * np.sin(angle) + speed * np.cos(angle) * angles)
-    by_radius = radius_slope(blade, 0.0 * values, slopes[0], 0)
-    return bem.Table(values, np.empty(0), *slopes, by_radius)
+    return bem.Table(values, np.empty(0), *slopes, radius_slope(blade, 0.0 * values, slopes[0], 0))

@@ -64,8 +64,7 @@ def spread(blade, values):
     ndarray of shape (..., 3, n_stations + 1)
         Linear between stations, constant from the first to the hub and from the last to the tip.
     """
-    shape = np.shape(values)[:-1] + blade.r.shape
-    return between(extended_to_ends(np.broadcast_to(values, shape)))
+    return between(extended_to_ends(np.broadcast_to(values, np.shape(values)[:-1] + blade.r.shape)))
 
 
 def mass_and_inertia(blade, section_area, density, hub_inertia=0.0):

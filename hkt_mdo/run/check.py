@@ -166,8 +166,7 @@ def _stations(findings: Findings) -> Rows:
                 f"the polars' tables run from {powers(ends)}: outside them the nearest is used",
             )
     yield Row("sections", ", ".join({Path(section.name).name: "" for section in turbine.sections}))
-    thickness = 100.0 * np.asarray(turbine.thickness)
-    yield Row("thickness", thickness, "%", "of the chord", 3)
+    yield Row("thickness", 100.0 * np.asarray(turbine.thickness), "%", "of the chord", 3)
     yield Row("angles of attack", np.rad2deg(stations.met), "deg", "along the blade", 3)
     note = f"along the blade; polars for {text}, {how}"
     yield Row("Reynolds numbers", powers(reynolds), "", note)

@@ -127,8 +127,7 @@ class Checked:
         """The quantities of the design and of the whole result, by their names."""
         physics, point = self.physics, self.result.point
         integrals = {x: self.total(methodcaller("objective", y)) for x, y in INTEGRALS.items()}
-        design = scalars(physics, physics.rotor, point.blade) | designed(physics, point)
-        return design | integrals
+        return scalars(physics, physics.rotor, point.blade) | designed(physics, point) | integrals
 
     @cached_property
     def objective(self) -> float:

@@ -223,9 +223,9 @@ def _scenario(finished, verifications):
     pairs = [(run.rotor, run.simulated) for run in verifications]
     largest = loads.placed(finished.result.point.blade, pairs)
     if load := largest.get("cavitation"):
-        beyond = [run.simulated["cavitation"] > CavitationLimit().margin for run in verifications]
-        share = {"share_of_time": _mean(verifications, beyond)}
-        largest["cavitation"] = load.model_copy(update=share)
+        most, series = CavitationLimit().margin, (run.simulated for run in verifications)
+        share = _mean(verifications, [1.0 * (x["cavitation"] > most) for x in series])
+        largest["cavitation"] = load.model_copy(update={"share_of_time": share})
     nodes = [(run.scenario.node_weights, run.trajectory) for run in verifications]
     has_year = isinstance(getattr(scenario, "resource", None), Resource)
     return {

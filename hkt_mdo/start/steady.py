@@ -54,11 +54,10 @@ def without_time(physics: Physics) -> Physics:
         design = design.model_copy(update={"hub_inertia_bounds": held, "hub_inertia_price": 0.0})
     hydrodynamics = case.hydrodynamics.model_copy(update={"bem": "vectorized"})
     update = {"inflow_dynamics": InflowDynamics(), "design": design, "hydrodynamics": hydrodynamics}
-    scenarios = tuple(each if each.steady else _in_speeds(each) for each in physics.scenarios)
     return replace(
         physics,
         case=case.model_copy(update=update),
-        scenarios=scenarios,
+        scenarios=tuple(each if each.steady else _in_speeds(each) for each in physics.scenarios),
         law=law,
         objective=physics.start_objective,
     )

@@ -41,8 +41,7 @@ def test_objectives_laws_and_whole_sections_are_axes(put):
     assert [case.objective.kind for case in cases] == ["captured"] * 4 + ["electrical"] * 4
     assert [case.control.law for case in cases[::2]] == ["quadratic", "curve"] * 2
     assert cases[2].control.knots == 6
-    bounds = [case.limits.power and case.limits.power.bound for case in cases]
-    assert bounds == [4000.0, None] * 4
+    assert [case.limits.power and case.limits.power.bound for case in cases] == [4000.0, None] * 4
 
 
 def test_samples_are_a_latin_hypercube_with_their_seed(put):

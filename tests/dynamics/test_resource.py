@@ -137,7 +137,6 @@ def test_equilibria_are_those_of_brentq(plant):
             return float(plant.torque(w, np.array([v]))[0] - law.torque(w, [70.0])[0])
 
         assert root == pytest.approx(brentq(net, root - 0.2, root + 0.2, xtol=1e-14), rel=1e-10)
-        beyond = np.linspace(1.001, 3.0, 30) * root
-        assert max(map(net, beyond)) < 0.0
+        assert max(map(net, np.linspace(1.001, 3.0, 30) * root)) < 0.0
     _, none, _ = equilibria(plant, FeedbackTorque(LinearFeedback(), np.array([7e4])), flow)
     assert not np.any(none)

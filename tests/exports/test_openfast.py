@@ -104,8 +104,7 @@ def check(name, kept, rotor):
         assert np.max(np.abs(point.apart[same])) < APART
         assert np.max(np.abs(point.angle - point.own_angle)[same]) < APART
         largest = np.max(np.linalg.norm(point.own_loads, axis=0))
-        difference = np.abs(point.loads - point.own_loads)[:, same]
-        assert np.max(difference) < 1e-5 * largest
+        assert np.max(np.abs(point.loads - point.own_loads)[:, same]) < 1e-5 * largest
         assert np.quantile(np.rad2deg(np.abs(point.angle - point.own_angle))[same], 0.9) < 1e-4
         # the sum over the span: AeroDyn's is exact for linear loads, this program's by trapezoids
         blade = design.blade

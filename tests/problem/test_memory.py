@@ -81,8 +81,7 @@ def test_the_integrated_two_filters_are_those_of_the_tables():
     np.testing.assert_allclose(whole, plant.torque(behind, flow), rtol=3e-5)
     value = band.curve(tables["torque_coefficient_band"])(ratio, wake_ratio)
     torque = mean.torque(speed, flow, rest)
-    expected = torque_scale(1000.0, radius, flow) * value
-    np.testing.assert_allclose(torque, expected, rtol=3e-5)
+    np.testing.assert_allclose(torque, torque_scale(1000.0, radius, flow) * value, rtol=3e-5)
     steady = band.spline.curve(tables["wake_induction_table"])(ratio)
     velocity, share = rest[:, 1], band.share
     rates = 0.4 * flow * steady - rest[:, 0], (rest[:, 0] + 0.6 * flow * steady - velocity) / share

@@ -40,8 +40,7 @@ def passed(begin, end):
 
 def test_a_cut_sine_is_what_is_left_of_it():
     model = model_of()
-    spans = [each.edges[[0, -1]] for each in model.scenarios]
-    np.testing.assert_allclose(spans, BELOW, rtol=1e-12)
+    np.testing.assert_allclose([each.edges[[0, -1]] for each in model.scenarios], BELOW, rtol=1e-12)
     for scenario, (begin, end) in zip(model.scenarios, BELOW, strict=True):
         expected = passed(begin, end)
         flow = scenario.inflow.speed_at

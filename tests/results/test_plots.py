@@ -154,8 +154,7 @@ def test_the_steady_curve_balances_the_torques(solution: Solution) -> None:
     assert flow[0] < 0.3  # from near zero to the largest speed that was met
     assert flow[-1] == np.max(solution.simulation["inflow_speed_m_s"])
     stopped = solution.case.model_copy(update={"control": law.model_copy(update={"cut_out": 2.5})})
-    longer = steady.steady_curve(replace(solution, case=stopped))
-    assert longer["inflow_speed_m_s"][-1] == 2.5
+    assert steady.steady_curve(replace(solution, case=stopped))["inflow_speed_m_s"][-1] == 2.5
     shown = PLOTS["generator_power over flow"](replace(solution, case=stopped))
     assert "cut-out 2.5 m/s" in shown.get_legend_handles_labels()[1]
     open_loop = solution.case.model_copy(update={"control": OpenLoop(law="open_loop")})

@@ -158,6 +158,8 @@ def test_the_summary_tells_the_same(result):
         radius = result.loads["r_m"][np.argmax(result.loads[COLUMNS[name]])]
         assert entries[name].r_m == pytest.approx(radius, rel=1e-9)
     assert entries["thrust"].r_m is None
+    beyond = np.interp(np.linspace(0.0, 8.0, 9001), simulation["time_s"], simulation["cavitation"])
+    assert entries["cavitation"].share_of_time == pytest.approx(np.mean(beyond > 1.1), abs=2e-3)
     summary = result.summary
     lost = summary.generator_energy_J - summary.electrical_energy_J
     assert lost == pytest.approx(0.1 * summary.generator_energy_J, rel=1e-9)
