@@ -107,6 +107,9 @@ def validated(
     if more:
         others = "; ".join(f"{words[0]} {words[1]}" for words in more[:3])
         remedy = f"{remedy} (and {len(more)} more: {others})"
+    section = key.rpartition(".")[0]
+    if problem == "unknown key" and any(x != key and x.startswith(f"{section}.") for x in applied):
+        remedy += f"; an override {section}={{...}} replaces the whole section"
     for overridden, text in reversed(applied.items()):
         if key == overridden or key.startswith((f"{overridden}.", f"{overridden}[")):
             file = f"{file}, override {text if len(text) <= 60 else text[:57] + '...'}"

@@ -97,8 +97,7 @@ def test_realizations_are_scenarios_of_consecutive_seeds_that_share_a_weight():
         {"name": f"river_{i + 1}", "inflow": TURBULENCE | {"seed": 7 + i}, "weight": 0.6 / 3}
         for i in range(3)
     ]
-    last = {"name": "flow_2", "inflow": "sine", "weight": 0.4}
-    assert made == load_case(case(*written, last))
+    assert made == load_case(case(*written, {"name": "flow_2", "inflow": "sine", "weight": 0.4}))
     parts = {"profile": "sum", "parts": [{"profile": "constant", "speed": 1.0}, TURBULENCE]}
     made = load_case(case({"realizations": 2}, inflow=parts))
     assert [each.inflow.parts[1].seed for each in made.scenarios] == [7, 8]

@@ -35,8 +35,7 @@ def slope(
     argument = np.asarray(quantities[name], dtype=float)
 
     def along(direction: Any) -> np.ndarray:
-        moved = {**quantities, name: argument + 1j * STEP * direction}
-        return np.imag(function(**moved)) / STEP
+        return np.imag(function(**{**quantities, name: argument + 1j * STEP * direction})) / STEP
 
     if diagonal:
         return along(1.0) * np.ones(argument.shape)

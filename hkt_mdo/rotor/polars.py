@@ -58,8 +58,7 @@ def curves_at(curves, alpha, which=()):
     row = np.moveaxis(curves[(*which, index % n_knots)], -1, 0)
     x, pairs = alpha + np.pi - index * step, (row[:4], row[4:])
     values = [a + x * (b + x * (c + x * d)) for a, b, c, d in pairs]
-    slopes = [b + x * (2.0 * c + x * 3.0 * d) for _, b, c, d in pairs]
-    return np.stack(values), np.stack(slopes)
+    return np.stack(values), np.stack([b + x * (2.0 * c + x * 3.0 * d) for _, b, c, d in pairs])
 
 
 def periodic_curves(alpha, *columns):

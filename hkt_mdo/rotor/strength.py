@@ -331,8 +331,7 @@ def norm(values, exponent=EXPONENT):
     power = np.zeros_like(ratio)
     power[near] = ratio[near] ** (exponent - 1)
     total = np.where(largest > 0.0, np.sum(power * ratio, axis=-1), 1.0)
-    share = power * total[..., None] ** (1.0 / exponent - 1.0)
-    return largest * total ** (1.0 / exponent), share
+    return largest * total ** (1.0 / exponent), power * total[..., None] ** (1.0 / exponent - 1.0)
 
 
 @compiled(error_model="numpy")

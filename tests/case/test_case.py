@@ -222,6 +222,8 @@ def test_a_kind_without_keys_is_given_by_its_bare_name():
     assert same(read_case(MINIMAL, ["inflow=sine", "control=open_loop"]), bare)
     # a bare name is a section whose keys can be overridden
     assert read_case("inflow: sine\ncontrol: linear", ["control.gain=80"]).control.gain == 80.0
+    with pytest.raises(InputError, match=r"gain = 80: unknown key.* control={...} replaces the"):
+        read_case("inflow: sine\ncontrol: {law: linear, gain: 80}", ["control.law=open_loop"])
     with pytest.raises(InputError, match=r"inflow.speed: is missing; give it: Inflow speed v"):
         read_case("inflow: constant\ncontrol: linear")
 
