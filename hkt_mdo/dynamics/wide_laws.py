@@ -229,8 +229,7 @@ class CurveFeedback(FeedbackLaw):
         # the height of the first knot and the exponents between neighbours, which are bounded
         sums = np.tri(self.knots) * np.append(1.0, np.diff(knots))
         most = np.append(np.inf, np.full(self.knots - 1, STEEPEST))
-        basis = TorqueSpline(knots).basis(speed)
-        height = sums @ lsq_linear(basis @ sums, torque, (-most, most)).x
+        height = sums @ lsq_linear(TorqueSpline(knots).basis(speed) @ sums, torque, (-most, most)).x
         # knots that no speed is near have torques of the same size as the others
         height = np.clip(height, np.min(torque) - 1.0, np.max(torque) + 1.0)
         return np.exp(np.append(knots, height))

@@ -205,7 +205,7 @@ def _extremes(finished, scenarios):
         "limits": limits,
         "loads": largest,
         "tip_deflection_m": loads.tip_deflection(blade, pairs),
-        "weight_stress_Pa": finished.quantities["weight_stress"],
+        "weight_stress_Pa": finished.quantities["weight_stress"] or None,
         "weight_moment_Nm": physics.rotor.weight_moment(blade),
     }
 
