@@ -103,8 +103,7 @@ class Outer(Format):
         axial, backwards = along * sine + across * cosine, along * cosine - across * sine
         x = axial * np.cos(tilt) - r[:, None] * np.sin(tilt)
         y = backwards * (1.0 if self.rotation == "clockwise" else -1.0)
-        z = axial * np.sin(tilt) + r[:, None] * np.cos(tilt)
-        return np.stack((x, y, z), -1)
+        return np.stack((x, y, axial * np.sin(tilt) + r[:, None] * np.cos(tilt)), -1)
 
     def remarks(self, design: Design) -> list[str]:
         """Return remarks on the geometry: provenance, unit, axes, sense of rotation and options.

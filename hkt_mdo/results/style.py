@@ -190,8 +190,7 @@ def legend(axes: Sequence[Axes]) -> int:
             entries.setdefault(label, handle)
     if not entries:
         return 0
-    room = axes[0].figure.get_figwidth() - 0.7
-    fitting = int(room / (0.6 + 0.06 * max(map(len, entries))))
+    fitting = int((axes[0].figure.get_figwidth() - 0.7) / (0.6 + 0.06 * max(map(len, entries))))
     columns = max(1, min(fitting, 3 if len(entries) == 3 else 2))
     where: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": columns}
     look = {"fontsize": FONT_SIZE, "frameon": False, "borderaxespad": 0.2}
