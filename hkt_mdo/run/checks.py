@@ -304,7 +304,7 @@ def _of_design(ended):
     yield from _bounds(ended)
     captured = isinstance(physics.objective, CapturedEnergy)
     for verification, suffix in _suffixed(verifications):
-        if ended.physics.case.ends_free and not verification.scenario.steady:
+        if physics.case.ends_free and not verification.scenario.steady:
             share = _stored(physics, verification) / max(abs(verification.simulation.energy), 1e-9)
             word = "energy that the rotor keeps or gives, beyond equilibrium, over captured energy"
             yield f"stored_energy{suffix}", share, STORED, word

@@ -273,8 +273,7 @@ class Search:
         One whose torque jumps must be much better, since optimizations seldom converge there.
         """
         feasible, value = end.merit
-        over_time = not all(each.steady for each in self.physics.scenarios)
-        first = over_time and end.branch == next(iter(BRANCHES))
+        first = end.branch == "overspeed" and not all(x.steady for x in self.physics.scenarios)
         share = EVEN * first - JUMPING * _jumps(self.physics, end)
         return feasible, value + share * abs(value)
 
