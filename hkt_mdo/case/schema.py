@@ -505,8 +505,7 @@ def load_case(
         data, kinds = deepcopy(dict(source)), known_kinds(extensions)
         return _make_case(data, overrides, kinds, check_files=check_files)
     path = find_case(source)
-    what = "case file in YAML" + f", such as {path / 'case.yaml'}" * Path(path / "case.yaml").is_file()
-    text, file = read_text(path, what, MAX_CASE_BYTES), str(path)
+    text, file = read_text(path, "case file in YAML", MAX_CASE_BYTES), str(path)
     return read_case(text, overrides, file=file, check_files=check_files, extensions=extensions)
 
 

@@ -53,7 +53,8 @@ def read_bytes(path: Path, largest: int, what: str) -> bytes:
     try:
         if not path.is_file():
             problem = "is not a file" if path.exists() else "does not exist"
-            raise InputError(problem, f"give the path of a {what}", file=path)
+            inside = f", such as {path / 'case.yaml'}" * (path / "case.yaml").is_file()
+            raise InputError(problem, f"give the path of a {what}{inside}", file=path)
         with path.open("rb") as stream:
             content = stream.read(largest + 1)
     except (OSError, ValueError) as error:
